@@ -1,0 +1,1 @@
+"""Threat metrics, summaries, figures and exports."""

@@ -1,0 +1,260 @@
+"""Every knob, typed and checked: what a run, a scenario and a value table are made of.
+
+All models are frozen, refuse unknown keys and non-finite numbers, and are SI units throughout.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from hj_cosim.errors import ConfigurationError
+
+Scheme = Literal["first_order", "eno2", "weno3", "weno5"]
+Backend = Literal["daqp", "osqp", "quadprog", "piqp", "clarabel"]
+
+
+class Settings(BaseModel):
+    """A group of knobs: frozen, no unknown keys, finite numbers only."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class RobotSettings(Settings):
+    """The robot's body and limits (paper, case study; SPEC section 4)."""
+
+    length: float = Field(5.0, gt=0, description="m")
+    width: float = Field(2.0, gt=0, description="m")
+    wheelbase: float = Field(5.0, gt=0, description="m, the paper's L")
+    omega_max: float = Field(0.3, gt=0, description="rad/s, limit on |omega_r|")
+    acceleration_min: float = Field(-6.0, lt=0, description="m/s²")
+    acceleration_max: float = Field(4.0, gt=0, description="m/s²")
+    speed_max: float = Field(40.0, gt=0, description="m/s")
+
+
+class TrackingSettings(Settings):
+    """Gains of the closed-loop tracking controller (paper, eq. case study closed-loop controller)."""
+
+    k_theta: float = Field(5.0, gt=0)
+    k_1: float = Field(2.0, gt=0)
+    k_2: float = Field(1.67, gt=0)
+
+
+class PlannerSettings(Settings):
+    """Optimistic planning and its reward (paper, section Planner Dynamics and Reward Function)."""
+
+    kind: Literal["hjop", "op", "idle"] = "hjop"
+    gamma_r: float = Field(0.9, ge=0, le=1, description="weight of the driving reward in HJOP; OP has 1")
+    value_clip: float = Field(8.0, gt=0, description="m, the HJI reward is clipped to ± this")
+    expansions: int = Field(1000, ge=1, le=1_000_000, description="node expansions per plan")
+    discount: float = Field(0.9, gt=0, lt=1, description="γ of the tree search")
+    speed_weight: float = Field(0.4, ge=0, description="γ_1")
+    lane_weight: float = Field(1.0, ge=0, description="γ_2")
+    crash_weight: float = Field(1.0, ge=0, description="γ_3")
+    speed_low: float = Field(15.0, ge=0, description="m/s, where the speed reward is 0")
+    speed_high: float = Field(30.0, gt=0, description="m/s, where the speed reward is γ_1")
+    speed_step: float = Field(1.0, gt=0, description="m/s, what one action adds to the planned speed")
+    speed_window: float = Field(4.0, gt=0, description="m/s, the planned speed stays this near the robot's")
+    action_time: float = Field(1.0, gt=0, description="s, the duration of one action in the tree")
+    sensing_range: float = Field(120.0, gt=0, description="m, cars within it enter the tree")
+
+    @model_validator(mode="after")
+    def _speeds_are_ordered(self) -> "PlannerSettings":
+        if self.speed_high <= self.speed_low:
+            raise ValueError(f"speed_high ({self.speed_high}) must exceed speed_low ({self.speed_low})")
+        return self
+
+
+class RssParameters(Settings):
+    """Parameters of the RSS distances (Shalev-Shwartz et al. 2017)."""
+
+    response_time: float = Field(0.3, ge=0, description="s, ρ")
+    acceleration: float = Field(3.0, ge=0, description="m/s², a_accel during the response time")
+    brake_min: float = Field(6.0, gt=0, description="m/s², b_min, what the rear car brakes at least")
+    brake_max: float = Field(6.0, gt=0, description="m/s², b_max, what the front car brakes at most")
+    lateral_acceleration: float = Field(0.2, ge=0, description="m/s²")
+    lateral_brake: float = Field(0.8, gt=0, description="m/s²")
+    lateral_margin: float = Field(0.1, ge=0, description="m, μ")
+
+
+class FilterSettings(Settings):
+    """The safety filter between the tracking controller and the robot."""
+
+    kind: Literal["spc", "rss", "none"] = "spc"
+    scheme: Literal["mi", "sw"] = "mi"
+    epsilon: float = Field(2.0, ge=0, description="m, a car with V <= ε is in K")
+    slack_weight: float = Field(10.0, gt=0, description="λ_3; the paper has 1")
+    solver: Backend = "daqp"
+    rss: RssParameters = RssParameters(response_time=0.5, brake_min=4.0, brake_max=8.0)
+
+
+class SimulationSettings(Settings):
+    """Clocks of an episode."""
+
+    duration: float = Field(30.0, gt=0, le=3600, description="s, recorded time")
+    step: float = Field(0.02, gt=0, le=0.1, description="s, control and traffic step")
+    plan_period: float = Field(1.0, gt=0, description="s between plans")
+    settle_time: float = Field(3.0, ge=0, description="s that the traffic settles before the robot takes over")
+    on_collision: Literal["stop", "continue"] = "stop"
+
+
+class NormalDistribution(Settings):
+    """A normal distribution truncated at ± `truncation` standard deviations."""
+
+    mean: float = Field(gt=0)
+    deviation: float = Field(ge=0)
+    truncation: float = Field(2.5, gt=0)
+
+    @model_validator(mode="after")
+    def _stays_positive(self) -> "NormalDistribution":
+        if self.mean - self.truncation * self.deviation <= 0:
+            raise ValueError(
+                f"mean {self.mean} with deviation {self.deviation} reaches zero within {self.truncation} deviations;"
+                " take a smaller deviation"
+            )
+        return self
+
+
+class DriverSettings(Settings):
+    """What background drivers' IDM and MOBIL parameters are drawn from; the planner knows the means only."""
+
+    desired_speed: NormalDistribution = NormalDistribution(mean=23.0, deviation=1.5)
+    max_acceleration: NormalDistribution = NormalDistribution(mean=3.0, deviation=0.3)
+    comfortable_deceleration: NormalDistribution = NormalDistribution(mean=5.0, deviation=0.5)
+    time_headway: NormalDistribution = NormalDistribution(mean=1.5, deviation=0.15)
+    minimum_gap: NormalDistribution = NormalDistribution(mean=5.0, deviation=0.5)
+    exponent: float = Field(4.0, gt=0, description="IDM's δ")
+    politeness: float = Field(0.0, ge=0, le=1)
+    gain_threshold: float = Field(0.2, ge=0, description="m/s²")
+    safe_braking: float = Field(2.0, gt=0, description="m/s²")
+
+
+class NetworkSettings(Settings):
+    """Which straight edge of which SUMO network is driven on."""
+
+    file: str = Field("four_lanes.net.xml", description="beside the scenario, in sumo_net/, or an absolute path")
+    edge: str = "highway"
+
+
+class TrafficSettings(Settings):
+    """How many cars stand where when the episode begins (SPEC section 4)."""
+
+    count: int = Field(100, ge=0, le=5000, description="cars ahead of the robot")
+    count_behind: int = Field(0, ge=0, le=5000, description="cars behind it")
+    spacing_factor: float = Field(1.0, gt=0, description="multiplies the mean spacing 1.5 v exp(-5 lanes/30)")
+    spacing_jitter: float = Field(0.1, ge=0, lt=1, description="± share of the spacing")
+    speed_low: float = Field(23.0, ge=0, description="m/s at the start")
+    speed_high: float = Field(25.0, gt=0, description="m/s at the start")
+
+
+class RobotStart(Settings):
+    """Where the robot stands when the episode begins."""
+
+    lane: int = Field(1, ge=0)
+    speed: float = Field(24.0, ge=0, description="m/s")
+
+
+class Scenario(Settings):
+    """What a user swaps: road, traffic, drivers, the robot's start."""
+
+    name: str
+    description: str = ""
+    network: NetworkSettings = NetworkSettings()
+    traffic: TrafficSettings = TrafficSettings()
+    drivers: DriverSettings = DriverSettings()
+    robot: RobotStart = RobotStart()
+
+
+class EpisodeConfig(Settings):
+    """Everything that an episode depends on; its run folder's config.toml."""
+
+    seed: int = Field(0, ge=0)
+    preset: Literal["best", "paper"] = "best"
+    table: str = Field("highway", description="a name in value_tables/ or a path to a specification")
+    robot: RobotSettings = RobotSettings()
+    tracking: TrackingSettings = TrackingSettings()
+    planner: PlannerSettings = PlannerSettings()
+    filter: FilterSettings = FilterSettings()
+    simulation: SimulationSettings = SimulationSettings()
+    scenario: Scenario
+
+
+PRESETS: Mapping[str, Mapping[str, Any]] = {
+    "best": {},
+    "paper": {
+        "table": "highway_paper",
+        "planner": {"expansions": 40, "value_clip": 5.0},
+        "scenario": {"drivers": {"desired_speed": {"mean": 22.0, "deviation": 1.5}}},
+    },
+}
+
+Model = TypeVar("Model", bound=Settings)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the content of a TOML file.
+
+    Raises:
+        ConfigurationError: if it cannot be read or is not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path} is not TOML: {error}") from error
+
+
+def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
+    """Return `data` as `model`.
+
+    Raises:
+        ConfigurationError: one sentence that names the source, the key, the value and what would be right.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"]) or "the whole"
+        if first["type"] == "extra_forbidden":
+            raise ConfigurationError(f"{source}: unknown key {key!r}; {_known_keys(model, first['loc'])}") from error
+        reason = first["msg"].removeprefix("Value error, ")
+        given = "" if first["type"] in ("missing", "value_error") else f" = {first['input']!r}"
+        raise ConfigurationError(f"{source}: {key}{given}: {reason[:1].lower()}{reason[1:]}") from error
+
+
+def _known_keys(model: type[Settings], location: tuple[int | str, ...]) -> str:
+    fields: Any = model.model_fields
+    for part in location[:-1]:
+        fields = fields[part].annotation.model_fields
+    return f"known keys are {', '.join(fields)}"
+
+
+def overlay(base: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `base` with the values of `top` laid over it, table by table."""
+    merged = dict(base)
+    for key, value in top.items():
+        below = merged.get(key)
+        merged[key] = overlay(below, value) if isinstance(below, Mapping) and isinstance(value, Mapping) else value
+    return merged
+
+
+def parse_assignment(text: str) -> dict[str, Any]:
+    """Return `planner.gamma_r=0.8` as `{"planner": {"gamma_r": 0.8}}`; the value is TOML, or else a string.
+
+    Raises:
+        ConfigurationError: if there is no `=` or no key.
+    """
+    key, separator, value = text.partition("=")
+    parts = [part.strip() for part in key.split(".")]
+    if not separator or not all(parts):
+        raise ConfigurationError(f"--set {text}: write KEY=VALUE, for example planner.gamma_r=0.8")
+    try:
+        parsed: Any = tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        parsed = value.strip()
+    for part in reversed(parts):
+        parsed = {part: parsed}
+    return parsed

@@ -1,0 +1,1 @@
+"""The tracking controller and the safety filters."""

@@ -1,0 +1,1 @@
+"""One episode: world, planner, controller, recorder."""

@@ -1,0 +1,29 @@
+"""The errors that users see: one sentence each, shown without a traceback, exit status 2."""
+
+
+class HjCosimError(Exception):
+    """Something a user can put right; the message names the place, the value and the remedy."""
+
+
+class ConfigurationError(HjCosimError):
+    """A key, a value or a name in a configuration, a scenario or a table specification is wrong."""
+
+
+class NetworkError(HjCosimError):
+    """A SUMO network is missing, malformed, or has no straight road that can be used."""
+
+
+class ScenarioError(HjCosimError):
+    """A scenario cannot be built: its cars do not fit, or its road is too short."""
+
+
+class TableError(HjCosimError):
+    """A value table is missing, broken, altered, or does not match its specification."""
+
+
+class RunFolderError(HjCosimError):
+    """A run's or a study's folder is missing, incomplete, or already holds something."""
+
+
+class SimulationError(HjCosimError):
+    """SUMO or a solver failed in the middle of an episode."""

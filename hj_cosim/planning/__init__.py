@@ -1,0 +1,1 @@
+"""Optimistic planning with and without the HJI reward."""

@@ -1,0 +1,1 @@
+"""Grids, relative dynamics, schemes, the HJI solver and value tables."""

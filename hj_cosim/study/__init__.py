@@ -1,0 +1,1 @@
+"""Many episodes: stacks, statistics, tables."""

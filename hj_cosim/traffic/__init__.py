@@ -1,0 +1,1 @@
+"""The world around the robot: SUMO, and a small fake for tests."""

@@ -1,0 +1,43 @@
+"""What the robot sees at one instant, as arrays in the road frame, and what it means to do."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The robot and the J cars around it at one instant; road frame, SI, positions are body centres.
+
+    Cars keep their place in the arrays for as long as they are on the road, but may be in any order.
+    """
+
+    time: float  # s since the robot took over
+    robot: np.ndarray  # (4,) p_x, p_y, θ, v (paper, z_r)
+    robot_acceleration: float  # m/s²
+    vehicle: np.ndarray  # (J,) int, each car's number; names are the world's business
+    x: np.ndarray  # (J,) m
+    y: np.ndarray  # (J,) m
+    heading: np.ndarray  # (J,) rad
+    speed: np.ndarray  # (J,) m/s
+    acceleration: np.ndarray  # (J,) m/s²
+    lane: np.ndarray  # (J,) int
+    target_lane: np.ndarray  # (J,) int, where a change in progress leads; the lane itself otherwise
+    length: np.ndarray  # (J,) m
+    width: np.ndarray  # (J,) m
+
+
+@dataclass(frozen=True)
+class Target:
+    """The planner state that the tracking controller follows: x_r = (s_p, l_p, v_p) of the paper."""
+
+    lane: int  # l_p
+    speed: float  # v_p, m/s
+
+
+@dataclass(frozen=True)
+class Control:
+    """A low-level control of the robot."""
+
+    omega: float  # rad/s, yaw rate ω_r
+    acceleration: float  # m/s², a_r
