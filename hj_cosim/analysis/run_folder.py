@@ -1,0 +1,235 @@
+"""A run's folder: config.toml, trajectories.parquet, robot.parquet, summary.json and figures/ (SPEC section 2).
+
+A folder appears whole or not at all, and the same record gives the same bytes: the order of the rows and the
+compression are fixed, and nothing that depends on the time or the machine is written into the Parquet files.
+"""
+
+import json
+import tempfile
+import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from shutil import rmtree
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from hj_cosim.analysis.record import NO_VEHICLE, ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
+from hj_cosim.errors import RunFolderError
+from hj_cosim.vehicles.road import Road
+
+CONFIG = "config.toml"
+TRAJECTORIES = "trajectories.parquet"
+ROBOT = "robot.parquet"
+SUMMARY = "summary.json"
+FIGURES = "figures"
+
+ROWS_PER_GROUP = 1 << 17  # written and read at a time, so that a long drive of many cars needs little memory
+_TRAFFIC_FLOATS = ("x", "y", "heading", "speed", "acceleration")
+_ROAD_KEY = b"hj_cosim.road"
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run as read back from its folder."""
+
+    folder: Path
+    config: Mapping[str, Any]
+    summary: Mapping[str, Any]
+    record: RunRecord
+
+
+def require_free_folder(folder: Path) -> None:
+    """Check, before the work, that a run can be written to `folder`.
+
+    Raises:
+        RunFolderError: if it is a file, or a folder that already holds something.
+    """
+    if folder.is_dir() and any(folder.iterdir()):
+        what = "already holds a run" if (folder / SUMMARY).exists() else "is not empty"
+        raise RunFolderError(f"{folder} {what}; choose another --out, or remove it")
+    if folder.exists() and not folder.is_dir():
+        raise RunFolderError(f"{folder} is a file, a run needs a folder; choose another --out")
+
+
+@contextmanager
+def whole_folder(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder beside `folder`; it takes `folder`'s place when the block ends without an error.
+
+    Raises:
+        RunFolderError: if `folder` already holds something, or cannot be written.
+    """
+    require_free_folder(folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    except OSError as error:
+        raise RunFolderError(f"cannot write {folder}: {error.strerror}; choose another place or free it") from error
+    try:
+        # mkdtemp makes the folder private; what we write is as readable as any other folder of the user.
+        temporary.chmod(folder.parent.stat().st_mode & 0o777)
+        yield temporary
+        temporary.replace(folder)
+    except OSError as error:
+        raise RunFolderError(f"cannot write {folder}: {error.strerror}; choose another place or free it") from error
+    finally:
+        rmtree(temporary, ignore_errors=True)
+
+
+def write_run(folder: Path, record: RunRecord, config_text: str, summary: Mapping[str, Any]) -> None:
+    """Write a run's folder, without its figures; all of it or nothing.
+
+    Args:
+        folder: must not exist yet, or be empty.
+        record: the run.
+        config_text: the resolved configuration as TOML.
+        summary: as `analysis.summary.summarize` returns it.
+
+    Raises:
+        RunFolderError: if `folder` already holds something, or cannot be written.
+    """
+    with whole_folder(folder) as temporary:
+        (temporary / CONFIG).write_text(config_text, encoding="utf-8")
+        write_trajectories(temporary / TRAJECTORIES, record)
+        _write_table(temporary / ROBOT, robot_table(record))
+        (temporary / SUMMARY).write_text(summary_text(summary), encoding="utf-8")
+        (temporary / FIGURES).mkdir()
+
+
+def summary_text(summary: Mapping[str, Any]) -> str:
+    """Return a summary as strict JSON: what is not finite (no car was ever approached) becomes null."""
+    finite = {key: None if _is_not_finite(value) else value for key, value in summary.items()}
+    return json.dumps(finite, indent=2, allow_nan=False) + "\n"
+
+
+def _is_not_finite(value: Any) -> bool:
+    return isinstance(value, float) and not np.isfinite(value)
+
+
+def write_trajectories(path: Path, record: RunRecord) -> None:
+    """Write trajectories.parquet: a row per sample and car that is present; at one time the robot comes first."""
+    schema = _trajectory_table(record, 0, 0).schema
+    samples_per_group = max(ROWS_PER_GROUP // (len(record.traffic.names) + 1), 1)
+    with pq.ParquetWriter(path, schema, **_writing(schema)) as writer:
+        for start in range(0, len(record.time), samples_per_group):
+            writer.write_table(_trajectory_table(record, start, start + samples_per_group))
+
+
+def _trajectory_table(record: RunRecord, start: int, stop: int) -> pa.Table:
+    """Return the rows of samples start to stop."""
+    traffic, robot, road = record.traffic, record.robot, record.road
+    window = slice(start, stop)
+    time = record.time[window]
+    present = np.column_stack([np.ones(len(time), bool), traffic.present[window]])
+    sample, column = np.nonzero(present)  # in the order of time, then of the columns
+
+    def both(of_robot: np.ndarray, of_cars: np.ndarray) -> np.ndarray:
+        return np.column_stack([of_robot[window], of_cars[window]])[present]
+
+    robot_lane = np.clip(np.floor(robot.y / road.lane_width + 0.5), 0, road.lane_count - 1).astype(np.int8)
+    columns = {
+        "time": time[sample],
+        "vehicle": pa.DictionaryArray.from_arrays(
+            pa.array(column.astype(np.int32)), pa.array([ROBOT_NAME, *traffic.names], pa.string())
+        ),
+        **{name: both(getattr(robot, name), getattr(traffic, name)) for name in _TRAFFIC_FLOATS},
+        "lane": both(robot_lane, traffic.lane).astype(np.int8),
+        "length": np.concatenate([[record.robot_length], traffic.length])[column],
+        "width": np.concatenate([[record.robot_width], traffic.width])[column],
+    }
+    return pa.table(columns).replace_schema_metadata({_ROAD_KEY: json.dumps(asdict(road)).encode()})
+
+
+def robot_table(record: RunRecord) -> pa.Table:
+    """Return robot.parquet's table: a row per sample, the columns of SPEC section 2."""
+    columns: dict[str, Any] = {"time": record.time}
+    for field in fields(RobotTrack):
+        columns[field.name] = getattr(record.robot, field.name)
+    vehicle = record.robot.value_vehicle
+    columns["value_vehicle"] = pa.DictionaryArray.from_arrays(
+        pa.array(vehicle.astype(np.int32), mask=vehicle == NO_VEHICLE), pa.array(record.traffic.names, pa.string())
+    )
+    for field in fields(ThreatTrack):
+        columns[field.name] = getattr(record.threats, field.name)
+    return pa.table(columns)
+
+
+def _write_table(path: Path, table: pa.Table) -> None:
+    pq.write_table(table, path, **_writing(table.schema))
+
+
+def _writing(schema: pa.Schema) -> dict[str, Any]:
+    """Return how Parquet is written: measured to be both the fastest and nearly the smallest."""
+    return {
+        "compression": "zstd",
+        "compression_level": 1,
+        "use_dictionary": [field.name for field in schema if pa.types.is_dictionary(field.type)],
+        "use_byte_stream_split": [field.name for field in schema if pa.types.is_floating(field.type)],
+        "write_statistics": ["time"],
+    }
+
+
+def read_run(folder: Path) -> Run:
+    """Return the run in `folder`.
+
+    Raises:
+        RunFolderError: if the folder or one of its files is missing or broken.
+    """
+    if not folder.is_dir():
+        raise RunFolderError(f"{folder} is not a folder; give the folder that a run wrote")
+    try:
+        config = tomllib.loads((folder / CONFIG).read_text(encoding="utf-8"))
+        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        record = _read_record(pq.ParquetFile(folder / TRAJECTORIES), pq.read_table(folder / ROBOT))
+    except FileNotFoundError as error:
+        raise RunFolderError(f"{folder} holds no complete run: {error.filename} is missing") from error
+    except (OSError, ValueError, KeyError, IndexError) as error:  # pyarrow's and json's errors are among these
+        raise RunFolderError(f"{folder} holds no readable run: {error}") from error
+    return Run(folder, config, summary, record)
+
+
+def road_of(schema: pa.Schema) -> Road:
+    """Return the road that trajectories.parquet carries in its metadata.
+
+    Raises:
+        KeyError: if it carries none.
+    """
+    return Road(**json.loads(schema.metadata[_ROAD_KEY]))
+
+
+def _read_record(trajectories: pq.ParquetFile, robot: pa.Table) -> RunRecord:
+    time = robot["time"].to_numpy()
+    first = trajectories.read_row_group(0, columns=["vehicle"])["vehicle"].chunk(0).dictionary.to_pylist()
+    names = tuple(first[1:])
+    body = np.zeros((len(first), 2))
+    traffic = TrafficTrack.empty(names, body[1:, 0], body[1:, 1], len(time))
+    for group in range(trajectories.num_row_groups):
+        rows = trajectories.read_row_group(group)
+        car = rows["vehicle"].combine_chunks().indices.to_numpy()
+        sample = np.searchsorted(time, rows["time"].to_numpy())
+        body[car, 0], body[car, 1] = rows["length"].to_numpy(), rows["width"].to_numpy()
+        others = car > 0
+        place = (sample[others], car[others] - 1)
+        traffic.present[place] = True
+        for name in (*_TRAFFIC_FLOATS, "lane"):
+            getattr(traffic, name)[place] = rows[name].to_numpy()[others]
+    columns = {name: robot[name].to_numpy() for name in robot.column_names if name != "value_vehicle"}
+    columns["value_vehicle"] = _vehicle_numbers(robot["value_vehicle"].combine_chunks())
+    return RunRecord(
+        time=time,
+        road=road_of(trajectories.schema_arrow),
+        robot_length=float(body[0, 0]),
+        robot_width=float(body[0, 1]),
+        traffic=traffic,
+        robot=RobotTrack(**{field.name: columns[field.name] for field in fields(RobotTrack)}),
+        threats=ThreatTrack(**{field.name: columns[field.name] for field in fields(ThreatTrack)}),
+    )
+
+
+def _vehicle_numbers(vehicle: pa.DictionaryArray) -> np.ndarray:
+    """Return (T,) vehicle numbers of robot.parquet's names; NO_VEHICLE where there is none."""
+    return np.asarray(vehicle.indices.fill_null(NO_VEHICLE))
