@@ -1,0 +1,202 @@
+"""The planners OP and HJOP: optimistic planning with the paper's reward, without and with the HJI term."""
+
+import math
+
+import numpy as np
+
+from hj_cosim.config import DriverSettings, PlannerSettings, RobotSettings
+from hj_cosim.planning.planner import IdlePlanner, Plan, Planner, PlanStatistics, PredictedTrajectory
+from hj_cosim.planning.prediction import CENTRED, ROBOT, PredictionModel, empty_motion, empty_scene, noticed_lanes
+from hj_cosim.planning.reward import reward_model
+from hj_cosim.planning.tree_search import ROOT, ActionModel, Tree, empty_tree, outermost_lanes, search
+from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.vehicles.mobil import mobil_parameters
+from hj_cosim.vehicles.observation import Observation, Target
+from hj_cosim.vehicles.road import Road
+
+# Drivers notice the robot in a lane when its centre is this far beyond the lane's border, or nearer (SPEC section 4).
+NOTICE_MARGIN = 1.0  # m
+
+
+def mean_driver(drivers: DriverSettings) -> np.ndarray:
+    """Return the mean IDM parameters (6,), in the order of vehicles.idm."""
+    return np.array(
+        [
+            drivers.desired_speed.mean,
+            drivers.max_acceleration.mean,
+            drivers.comfortable_deceleration.mean,
+            drivers.time_headway.mean,
+            drivers.minimum_gap.mean,
+            drivers.exponent,
+        ]
+    )
+
+
+def prediction_model(settings: PlannerSettings, drivers: DriverSettings, road: Road, vehicles: int) -> PredictionModel:
+    """Return the prediction for so many vehicles, the robot included: all drivers are the mean driver."""
+    steps = max(round(settings.action_time / settings.prediction_step), 1)
+    step = settings.action_time / steps
+    return PredictionModel(
+        drivers=np.tile(mean_driver(drivers), (vehicles, 1)),
+        mobil=mobil_parameters(drivers.politeness, drivers.gain_threshold, drivers.safe_braking),
+        lane_count=road.lane_count,
+        lane_width=road.lane_width,
+        steps=steps,
+        step=step,
+        robot_lateral_speed=road.lane_width / settings.lane_change_time,
+        others_lateral_speed=road.lane_width / settings.others_lane_change_time,
+        speed_kept=math.exp(-step / settings.speed_response),
+        speed_response=settings.speed_response,
+        notice_reach=0.5 * road.lane_width + NOTICE_MARGIN,
+    )
+
+
+class OptimisticPlanner:
+    """Optimistic planning; OP where `settings.kind` is "op" or `gamma_r` is 1, else HJOP.
+
+    Not for several threads at once: it keeps its work space from plan to plan. That is bounded by the budget, see
+    tree_search.
+
+    Args:
+        settings: the tree search's and the reward's.
+        robot: the robot's body and limits.
+        drivers: what the other drivers' parameters are drawn from, of which the means are used.
+        road: the lanes.
+        table: V.
+    """
+
+    def __init__(
+        self, settings: PlannerSettings, robot: RobotSettings, drivers: DriverSettings, road: Road, table: ValueTable
+    ) -> None:
+        self._settings = settings
+        self._robot = robot
+        self._drivers = drivers
+        self._road = road
+        self._table = table.arrays
+        self._weights = reward_model(settings, road)
+        self._actions = ActionModel(
+            settings.discount, settings.speed_step, settings.speed_floor, settings.speed_high, settings.expansions
+        )
+        self._make_room(1)
+
+    def _make_room(self, vehicles: int) -> None:
+        self._tree = empty_tree(self._settings.expansions, vehicles)
+        self._scene = empty_scene(vehicles)
+        self._prediction = prediction_model(self._settings, self._drivers, self._road, vehicles)
+        self._motion = empty_motion(vehicles, self._prediction.steps, self._road.lane_count)
+
+    def plan(self, observation: Observation, previous: Target) -> Plan:
+        """Return the first action of the best path found, with the search's statistics.
+
+        Args:
+            observation: the robot and the cars around it now; those within the sensing range enter the tree.
+            previous: the last target, of which the planned lane is kept, and the planned speed as far as it is
+                within the speed window around the robot's.
+        """
+        cars = self._sensed(observation)
+        if len(cars) + 1 != len(self._scene.vehicle):
+            self._make_room(len(cars) + 1)
+        bodies = np.empty((len(cars) + 1, 2))
+        bodies[ROBOT] = self._robot.length, self._robot.width
+        bodies[1:, 0], bodies[1:, 1] = observation.length[cars], observation.width[cars]
+        self._plant_root(observation, cars, previous)
+        nodes, expansions, best = search(
+            self._tree, self._scene, self._motion, bodies, self._prediction, self._actions, self._weights, self._table
+        )
+        path = _path_to(self._tree, best)
+        first = path[1]
+        return Plan(
+            action=int(self._tree.action[first]),
+            target=Target(int(self._tree.planned_lane[first]), float(self._tree.planned_speed[first])),
+            statistics=PlanStatistics(
+                expansions=expansions,
+                nodes=nodes,
+                depth=int(self._tree.depth[:nodes].max()),
+                best_value=float(self._tree.value[best]),
+                trajectory=self._trajectory(path, observation, cars),
+            ),
+        )
+
+    def _sensed(self, observation: Observation) -> np.ndarray:
+        """Return the indices of the cars that enter the tree, nearest the robot's rear first.
+
+        A car that overlaps the robot already is left out: no action can avoid that collision any more.
+        """
+        ahead = observation.x - observation.robot[0]
+        across = observation.y - observation.robot[1]
+        overlaps = (np.abs(ahead) < 0.5 * (observation.length + self._robot.length)) & (
+            np.abs(across) < 0.5 * (observation.width + self._robot.width)
+        )
+        cars = np.flatnonzero((np.abs(ahead) <= self._settings.sensing_range) & ~overlaps)
+        return cars[np.argsort(observation.x[cars], kind="stable")]
+
+    def _plant_root(self, observation: Observation, cars: np.ndarray, previous: Target) -> None:
+        tree, road, settings = self._tree, self._road, self._settings
+        x, y, heading, speed = observation.robot
+        planned_speed = min(max(previous.speed, speed - settings.speed_window), speed + settings.speed_window)
+        tree.parent[ROOT] = -1
+        tree.depth[ROOT] = 0
+        tree.value[ROOT] = 0.0
+        tree.planned_lane[ROOT] = min(max(previous.lane, 0), road.lane_count - 1)
+        tree.planned_speed[ROOT] = min(max(planned_speed, settings.speed_floor), settings.speed_high)
+        tree.heading[ROOT] = heading
+        tree.vehicle[ROOT] = np.arange(len(cars) + 1)
+        tree.position[ROOT] = np.concatenate(([0.0], observation.x[cars] - x))
+        tree.speed[ROOT] = np.concatenate(([speed], observation.speed[cars]))
+        tree.lateral[ROOT] = np.concatenate(([y], observation.y[cars]))
+        lowest, highest = outermost_lanes(noticed_lanes(float(y), self._prediction), road.lane_count)
+        lane, second_lane = occupied_lanes(observation, cars, road)
+        tree.lane[ROOT] = np.concatenate(([lowest], lane))
+        tree.second_lane[ROOT] = np.concatenate(([highest], second_lane))
+
+    def _trajectory(self, path: np.ndarray, observation: Observation, cars: np.ndarray) -> PredictedTrajectory:
+        tree = self._tree
+        # Nodes keep their vehicles nearly sorted by position; undo that.
+        order = np.argsort(tree.vehicle[path], axis=1)
+        position, speed, lateral = (
+            np.take_along_axis(values[path], order, axis=1).astype(np.float64)
+            for values in (tree.position, tree.speed, tree.lateral)
+        )
+        position += observation.robot[0]
+        return PredictedTrajectory(
+            time=self._settings.action_time * np.arange(len(path)),
+            action=tree.action[path[1:]].astype(np.int64),
+            robot=np.column_stack(
+                (position[:, ROOT], lateral[:, ROBOT], tree.heading[path], speed[:, ROBOT]),
+            ),
+            planned_lane=tree.planned_lane[path].astype(np.int64),
+            planned_speed=tree.planned_speed[path],
+            vehicle=observation.vehicle[cars],
+            x=position[:, 1:],
+            y=lateral[:, 1:],
+            speed=speed[:, 1:],
+        )
+
+
+def occupied_lanes(observation: Observation, cars: np.ndarray, road: Road) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lanes that cars drive to and the second lanes that they occupy meanwhile (or the first again).
+
+    A car in the middle of a change may already be counted to its new lane: then its lateral position tells which
+    lane it comes from.
+    """
+    lane, target = observation.lane[cars], observation.target_lane[cars]
+    off_centre = observation.y[cars] - road.lane_width * target
+    from_side = target + np.where(np.abs(off_centre) > CENTRED, np.sign(off_centre), 0).astype(np.int64)
+    second_lane = np.where(lane != target, lane, from_side)
+    return target, np.clip(second_lane, 0, road.lane_count - 1)
+
+
+def _path_to(tree: Tree, node: int) -> np.ndarray:
+    path = [node]
+    while path[-1] != ROOT:
+        path.append(int(tree.parent[path[-1]]))
+    return np.array(path[::-1])
+
+
+def make_planner(
+    settings: PlannerSettings, robot: RobotSettings, drivers: DriverSettings, road: Road, table: ValueTable
+) -> Planner:
+    """Return the planner that `settings.kind` names; the arguments are OptimisticPlanner's."""
+    if settings.kind == "idle":
+        return IdlePlanner()
+    return OptimisticPlanner(settings, robot, drivers, road, table)
