@@ -3,6 +3,7 @@
 All models are frozen, refuse unknown keys and non-finite numbers, and are SI units throughout.
 """
 
+import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from hj_cosim.errors import ConfigurationError
 
 Scheme = Literal["first_order", "eno2", "weno3", "weno5"]
+Boundary = Literal["linear", "away_from_zero", "periodic"]
 Backend = Literal["daqp", "osqp", "quadprog", "piqp", "clarabel"]
 
 
@@ -40,6 +42,7 @@ class TrackingSettings(Settings):
     k_theta: float = Field(5.0, gt=0)
     k_1: float = Field(2.0, gt=0)
     k_2: float = Field(1.67, gt=0)
+    heading_max: float = Field(0.4, gt=0, lt=1.57, description="rad, towards the lane; the value table reaches 0.4")
 
 
 class PlannerSettings(Settings):
@@ -57,13 +60,22 @@ class PlannerSettings(Settings):
     speed_high: float = Field(30.0, gt=0, description="m/s, where the speed reward is γ_1")
     speed_step: float = Field(1.0, gt=0, description="m/s, what one action adds to the planned speed")
     speed_window: float = Field(4.0, gt=0, description="m/s, the planned speed stays this near the robot's")
+    speed_floor: float = Field(
+        0.0, ge=0, description="m/s, nothing slower is planned; 15, the paper's lower limit, does not follow a jam"
+    )
     action_time: float = Field(1.0, gt=0, description="s, the duration of one action in the tree")
     sensing_range: float = Field(120.0, gt=0, description="m, cars within it enter the tree")
+    prediction_step: float = Field(0.25, gt=0, description="s, about the step of the predicted car following")
+    lane_change_time: float = Field(2.0, gt=0, description="s, in which the tracked robot gets one lane across")
+    others_lane_change_time: float = Field(3.0, gt=0, description="s, in which the other cars do")
+    speed_response: float = Field(0.6, gt=0, description="s, time constant of the tracked speed, 1/K_2")
 
     @model_validator(mode="after")
     def _speeds_are_ordered(self) -> "PlannerSettings":
         if self.speed_high <= self.speed_low:
             raise ValueError(f"speed_high ({self.speed_high}) must exceed speed_low ({self.speed_low})")
+        if self.speed_floor > self.speed_low:
+            raise ValueError(f"speed_floor ({self.speed_floor}) must not exceed speed_low ({self.speed_low})")
         return self
 
 
@@ -139,21 +151,39 @@ class NetworkSettings(Settings):
 
 
 class TrafficSettings(Settings):
-    """How many cars stand where when the episode begins (SPEC section 4)."""
+    """How many cars are drawn, and how dense, when the episode begins (SPEC section 4)."""
 
     count: int = Field(100, ge=0, le=5000, description="cars ahead of the robot")
     count_behind: int = Field(0, ge=0, le=5000, description="cars behind it")
+    density: float | None = Field(None, gt=0, description="cars per km and lane, in place of spacing_factor")
     spacing_factor: float = Field(1.0, gt=0, description="multiplies the mean spacing 1.5 v exp(-5 lanes/30)")
     spacing_jitter: float = Field(0.1, ge=0, lt=1, description="± share of the spacing")
-    speed_low: float = Field(23.0, ge=0, description="m/s at the start")
+    speed_low: float = Field(23.0, ge=0, description="m/s at the start, at most what IDM holds at its gap")
     speed_high: float = Field(25.0, gt=0, description="m/s at the start")
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> "TrafficSettings":
+        if self.speed_high < self.speed_low:
+            raise ValueError(f"speed_high ({self.speed_high}) must be at least speed_low ({self.speed_low})")
+        if self.density is not None and "spacing_factor" in self.model_fields_set:
+            raise ValueError("density and spacing_factor say the same thing twice; keep one of them")
+        return self
+
+
+class CarStart(Settings):
+    """One car of a hand-made scene."""
+
+    lane: int = Field(ge=0, description="0 is the right-most")
+    x: float = Field(description="m, its centre ahead of the robot's; negative behind it")
+    speed: float = Field(ge=0, description="m/s, at the start")
+    desired_speed: float | None = Field(None, gt=0, description="m/s; drawn like any driver's when left out")
 
 
 class RobotStart(Settings):
     """Where the robot stands when the episode begins."""
 
-    lane: int = Field(1, ge=0)
-    speed: float = Field(24.0, ge=0, description="m/s")
+    lane: int = Field(1, ge=0, description="0 is the right-most")
+    speed: float = Field(24.0, ge=0, description="m/s, at most what IDM holds at its gap")
 
 
 class Scenario(Settings):
@@ -165,6 +195,46 @@ class Scenario(Settings):
     traffic: TrafficSettings = TrafficSettings()
     drivers: DriverSettings = DriverSettings()
     robot: RobotStart = RobotStart()
+    cars: tuple[CarStart, ...] = Field((), description="cars at given places, beside the drawn ones")
+
+
+class GridSettings(Settings):
+    """A regular grid: one entry an axis, in the order of the state."""
+
+    lower: tuple[float, ...] = Field(description="the first node")
+    upper: tuple[float, ...] = Field(description="the last node; of a periodic axis, where it repeats")
+    shape: tuple[int, ...] = Field(description="nodes an axis, 7 or more, 200 million in all at most")
+    boundary: tuple[Boundary, ...] | None = Field(None, description="what lies beyond; the dynamics' own unless given")
+
+    @model_validator(mode="after")
+    def _is_a_grid(self) -> "GridSettings":
+        counts = {len(self.lower), len(self.upper), len(self.shape), len(self.boundary or self.shape)}
+        if len(counts) > 1:
+            raise ValueError("lower, upper, shape and boundary must have one entry per axis each")
+        for axis, (low, high, nodes) in enumerate(zip(self.lower, self.upper, self.shape, strict=True)):
+            if low >= high:
+                raise ValueError(f"lower ({low}) must be below upper ({high}) on axis {axis}")
+            if nodes < 7:
+                raise ValueError(f"shape ({nodes}) must be 7 or more on axis {axis}, as wide as the widest stencil")
+        if math.prod(self.shape) > 200_000_000:
+            raise ValueError(f"shape has {math.prod(self.shape)} nodes; 200 million is the most")
+        return self
+
+
+class TableSpecification(Settings):
+    """What a value table is solved from; a TOML file in value_tables/."""
+
+    description: str = ""
+    dynamics: str = Field(description="highway, air3d, double_integrator, or a Python file beside the specification")
+    grid: GridSettings
+    horizon: float = Field(3.0, gt=0, le=60, description="s, how far the game looks ahead")
+    scheme: Scheme = Field("weno5", description="spatial derivatives")
+    runge_kutta: Literal[1, 2, 3] | None = Field(None, description="order in time; the scheme's own unless given")
+    cfl: float = Field(0.75, gt=0, le=1, description="time step in units of the largest stable one")
+    clamp: bool = Field(True, description="keep values within [min V0, V0], as the exact solution does")
+    state_limits: bool = Field(True, description="an input that would leave the grid is not available")
+    margin: float = Field(0.0, ge=0, description="subtracted from the solved values, to err on the safe side")
+    parameters: dict[str, float] = Field(default_factory=dict, description="of the dynamics, over their defaults")
 
 
 class EpisodeConfig(Settings):
