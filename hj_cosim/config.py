@@ -197,6 +197,11 @@ class Scenario(Settings):
     robot: RobotStart = RobotStart()
     cars: tuple[CarStart, ...] = Field((), description="cars at given places, beside the drawn ones")
 
+    @property
+    def is_hand_made(self) -> bool:
+        """Whether nothing is drawn: such a scene begins exactly as it is written, without settling first."""
+        return self.traffic.count == 0 and self.traffic.count_behind == 0
+
 
 class GridSettings(Settings):
     """A regular grid: one entry an axis, in the order of the state."""

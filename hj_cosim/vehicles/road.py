@@ -6,8 +6,12 @@ d = 0 is the centre line of lane 0, the right-most; lane n has its centre at n l
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+
+# One place, or the places of many cars.
+Coordinate = TypeVar("Coordinate", float, np.ndarray)
 
 
 @dataclass(frozen=True)
@@ -30,9 +34,9 @@ class Road:
         return min(max(math.floor(lateral / self.lane_width + 0.5), 0), self.lane_count - 1)
 
     def to_world(
-        self, along: np.ndarray, lateral: np.ndarray, heading: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return world x, y (m) and heading (rad) of road coordinates; any matching shapes, scalars included."""
+        self, along: Coordinate, lateral: Coordinate, heading: Coordinate
+    ) -> tuple[Coordinate, Coordinate, Coordinate]:
+        """Return world x, y (m) and heading (rad) of road coordinates: three numbers, or three arrays of one shape."""
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return (
             self.origin_x + along * cos - lateral * sin,
@@ -41,8 +45,8 @@ class Road:
         )
 
     def from_world(
-        self, x: np.ndarray, y: np.ndarray, heading: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        self, x: Coordinate, y: Coordinate, heading: Coordinate
+    ) -> tuple[Coordinate, Coordinate, Coordinate]:
         """Return arc length, lateral offset (m) and relative heading (rad) of world coordinates."""
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         dx, dy = x - self.origin_x, y - self.origin_y

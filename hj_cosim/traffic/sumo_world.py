@@ -1,0 +1,322 @@
+"""The traffic in SUMO, through libsumo; the only file that calls it, knows its bit sets and the order of its calls."""
+
+import contextlib
+import io
+import logging
+import math
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+with contextlib.redirect_stdout(io.StringIO()) as _libsumo_says:
+    # It prints a note about the version of pyarrow, which would spoil what --json prints.
+    import libsumo
+
+from hj_cosim.config import RobotSettings, Scenario
+from hj_cosim.errors import SimulationError
+from hj_cosim.traffic.lane_changes import wanted_lanes
+from hj_cosim.traffic.network import read_road
+from hj_cosim.traffic.placement import CAR_LENGTH, CAR_WIDTH, InitialTraffic, initial_traffic
+from hj_cosim.traffic.scenarios import network_path
+from hj_cosim.traffic.settling import follow_lane, robot_driver
+from hj_cosim.traffic.sumo_input import command_line, write_routes
+from hj_cosim.vehicles.mobil import mobil_parameters
+from hj_cosim.vehicles.observation import Observation
+
+ROBOT = "robot"
+# A robot that straddles two lanes is seen in one of them only; this invisible second one is seen in the other.
+GHOST = "robot's ghost"
+
+# setSpeedMode: bits 0 to 4 are the checks for safe speed, acceleration, deceleration, right of way and red lights;
+# bit 5 alone leaves the speed to us.
+SPEED_IS_OURS = 32
+# setLaneChangeMode: two bits a reason (strategic, cooperative, speed gain, keep right), then how requests are treated.
+NO_LANE_CHANGES = 0
+ONLY_REQUESTED_IF_SAFE = 256
+# moveToXY: exactly there, also off the lanes' centre lines and off the road.
+KEEP_EXACT_POSITION = 2
+
+DECISION_PERIOD = 1.0  # s between two lane-change decisions of a car (SPEC section 4)
+# Nearer than this to a lane's centre line (m), a car is not between lanes; a step of a change moves it 0.03 m.
+ON_CENTRE_LINE = 1e-3
+
+log = logging.getLogger(__name__)
+if _libsumo_says.getvalue():
+    log.info("libsumo: %s", " ".join(_libsumo_says.getvalue().split()))
+
+
+class SumoWorld:
+    """SUMO's IDM traffic with MOBIL lane changes of our own; one at a time in a process.
+
+    A car between two lanes is read completely; of the others, position and speed say all.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        robot: RobotSettings,
+        seed: int,
+        step: float = 0.02,
+        scenario_folder: Path | None = None,
+    ):
+        """Start SUMO and put everyone in place.
+
+        Args:
+            scenario: what to build.
+            robot: its body.
+            seed: of places, drivers, the turns of decisions, and SUMO.
+            step: s.
+            scenario_folder: where the scenario's file lies, to find its network beside it.
+
+        Raises:
+            NetworkError: if the network is missing or not a straight road.
+            ScenarioError: if the cars do not fit.
+            SimulationError: if a world is open already, or SUMO does not start.
+        """
+        if libsumo.isLoaded():
+            raise SimulationError("a SUMO world is open in this process already; close it first")
+        network = network_path(scenario.network, scenario_folder)
+        self.road = read_road(network, scenario.network.edge)
+        initial = initial_traffic(scenario, self.road, robot, seed)
+        digits = len(str(max(len(initial.x) - 1, 0)))
+        self.vehicle_names: Sequence[str] = [f"car_{number:0{digits}}" for number in range(len(initial.x))]
+        self.drivers = initial.drivers
+        self._robot_body = robot
+        self._robot_driver = robot_driver(scenario.drivers, scenario.robot.speed)
+        self._edge = scenario.network.edge
+        self._step = step
+        self._is_hand_made = scenario.is_hand_made
+        self._mobil = mobil_parameters(
+            scenario.drivers.politeness, scenario.drivers.gain_threshold, scenario.drivers.safe_braking
+        )
+        self._folder = tempfile.TemporaryDirectory(prefix="hj-cosim-")
+        self._sumo_log = Path(self._folder.name) / "sumo.log"
+        try:
+            self._start(network, initial, seed)
+        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+            self.close()
+            raise SimulationError(f"SUMO could not start scenario {scenario.name} on {network}: {error}") from error
+        self._take_stock(initial, seed)
+
+    def _start(self, network: Path, initial: InitialTraffic, seed: int) -> None:
+        routes = Path(self._folder.name) / "traffic.rou.xml"
+        robot = self._robot_body
+        write_routes(
+            routes, self._edge, initial, self.vehicle_names, self._robot_driver, ROBOT, robot.length, robot.width,
+            self.road.lane_at(initial.robot[1]),
+        )  # fmt: skip
+        libsumo.start(command_line(network, routes, self._sumo_log, self._step, seed))
+        libsumo.simulationStep()  # time 0: everyone is inserted, nobody has moved
+        if libsumo.vehicle.getIDCount() != len(self.vehicle_names) + 1:
+            raise SimulationError(
+                f"SUMO inserted {libsumo.vehicle.getIDCount() - 1} of {len(self.vehicle_names)} cars;"
+                f" the first warning was: {self._first_warning()}"
+            )
+        for name in self.vehicle_names:
+            libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE)
+        libsumo.vehicle.setLaneChangeMode(ROBOT, NO_LANE_CHANGES)
+        libsumo.vehicle.setSpeedMode(ROBOT, SPEED_IS_OURS)
+
+    def _take_stock(self, initial: InitialTraffic, seed: int) -> None:
+        """Set up the arrays: a row per car on the road, and a last one for the robot."""
+        count = len(self.vehicle_names)
+        self._time = 0.0
+        self._steps = 0
+        self._decision_steps = max(round(DECISION_PERIOD / self._step), 1)
+        turns = np.random.default_rng([seed, 2]).permutation(count)
+        self._turn = np.append(turns * self._decision_steps // max(count, 1), -1)  # the robot decides elsewhere
+        self._names = list(self.vehicle_names)
+        self._number = np.arange(count)
+        self._x = np.append(initial.x, initial.robot[0])
+        self._y = np.append(initial.lane * self.road.lane_width, initial.robot[1])
+        self._heading = np.zeros(count + 1)
+        self._speed = np.append(initial.speed, initial.robot[3])
+        self._acceleration = np.zeros(count + 1)
+        self._lane = np.append(initial.lane, self.road.lane_at(initial.robot[1]))
+        self._target_lane = self._lane.copy()
+        self._second_lane = self._lane.copy()
+        self._length = np.append(np.full(count, CAR_LENGTH), self._robot_body.length)
+        self._width = np.append(np.full(count, CAR_WIDTH), self._robot_body.width)
+        self._all_drivers = np.vstack([self.drivers, self._robot_driver])
+        self._order = np.argsort(self._x, kind="stable")
+        self._changing: list[int] = []
+        self._robot = initial.robot.copy()
+        self._ghost_lane: int | None = None
+
+    def observe(self) -> Observation:
+        """Return the robot and every background car on the road; see World.observe."""
+        return Observation(
+            time=self._time,
+            robot=self._robot,
+            robot_acceleration=float(self._acceleration[-1]),
+            vehicle=self._number,
+            x=self._x[:-1],
+            y=self._y[:-1].copy(),
+            heading=self._heading[:-1].copy(),
+            speed=self._speed[:-1],
+            acceleration=self._acceleration[:-1],
+            lane=self._lane[:-1].copy(),
+            target_lane=self._target_lane[:-1].copy(),
+            length=self._length[:-1],
+            width=self._width[:-1],
+        )
+
+    def settle(self, seconds: float) -> None:
+        """Let the traffic run with the robot following its lane, then set the clock to 0; see World.settle.
+
+        A scene made by hand is left as it was made.
+        """
+        for _ in range(0 if self._is_hand_made else round(seconds / self._step)):
+            state, acceleration = follow_lane(
+                self.observe(), self._robot_driver, self.road, self._robot_body.length, self._step
+            )
+            self.step(state, acceleration)
+        self._steps = 0
+        self._time = 0.0
+
+    def step(self, robot_state: np.ndarray, robot_acceleration: float) -> None:
+        """Advance by one step; see World.step.
+
+        SUMO moves the other cars by the states of the step before, and only then puts the robot where
+        moveToXY wants it: so everything is asked for before the step, and read after it.
+        """
+        try:
+            self._request_lane_changes()
+            self._place_robot(robot_state)
+            libsumo.simulationStep()
+            self._steps += 1
+            self._time = self._steps * self._step
+            self._read_cars(robot_state, robot_acceleration)
+        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+            raise SimulationError(f"SUMO failed at {self._time:.2f} s: {error}") from error
+
+    def _request_lane_changes(self) -> None:
+        deciding = self._turn == self._steps % self._decision_steps
+        if not deciding.any():
+            return
+        wanted = wanted_lanes(
+            self._order,
+            deciding,
+            self._x,
+            self._speed,
+            self._lane,
+            self._second_lane,
+            self._length,
+            self._all_drivers,
+            self._mobil,
+            self.road.lane_count,
+        )
+        for car in np.flatnonzero(wanted != self._lane):
+            # A request that SUMO finds unsafe in this one step is dropped, not kept.
+            libsumo.vehicle.changeLane(self._names[car], int(wanted[car]), self._step)
+            self._target_lane[car] = wanted[car]
+            self._changing.append(int(car))
+
+    def _place_robot(self, state: np.ndarray) -> None:
+        """Tell SUMO where the robot is to be when the step ends, in its lane and, straddling, in the next one."""
+        x, y, heading, _ = state.tolist()
+        road, body = self.road, self._robot_body
+        lane = road.lane_at(y)
+        along = x + 0.5 * body.length * math.cos(heading)
+        if lane != self._lane[-1]:
+            # Otherwise it goes on blocking the lane that it came from.
+            libsumo.vehicle.moveTo(ROBOT, f"{self._edge}_{lane}", along)
+        self._move(ROBOT, along, y + 0.5 * body.length * math.sin(heading), heading)
+
+        offset = y - road.lane_centre(lane)
+        neighbour = lane + (1 if offset > 0.0 else -1)
+        straddles = abs(offset) + 0.5 * body.width > 0.5 * road.lane_width and 0 <= neighbour < road.lane_count
+        ghost_lane = neighbour if straddles else None
+        if ghost_lane != self._ghost_lane and self._ghost_lane is not None:
+            libsumo.vehicle.remove(GHOST)
+        if ghost_lane is not None:
+            if ghost_lane != self._ghost_lane:
+                libsumo.vehicle.add(GHOST, "road", ROBOT)
+                libsumo.vehicle.setLaneChangeMode(GHOST, NO_LANE_CHANGES)
+                libsumo.vehicle.setSpeedMode(GHOST, SPEED_IS_OURS)
+            self._move(GHOST, along, road.lane_centre(ghost_lane), 0.0)
+        self._ghost_lane = ghost_lane
+        self._lane[-1] = self._target_lane[-1] = lane
+        self._second_lane[-1] = lane if ghost_lane is None else ghost_lane
+
+    def _move(self, name: str, along: float, lateral: float, heading: float) -> None:
+        """Put the middle of a vehicle's front bumper at a place in the road frame."""
+        x, y, direction = self.road.to_world(along, lateral, heading)
+        libsumo.vehicle.moveToXY(name, "", -1, x, y, 90.0 - math.degrees(direction), KEEP_EXACT_POSITION)
+
+    def _read_cars(self, robot_state: np.ndarray, robot_acceleration: float) -> None:
+        if libsumo.simulation.getArrivedNumber():
+            self._forget(set(libsumo.simulation.getArrivedIDList()))
+        count = len(self._names)
+        speed, x = np.empty(count + 1), np.empty(count + 1)
+        speed[:count] = np.fromiter(map(libsumo.vehicle.getSpeed, self._names), float, count)
+        x[:count] = np.fromiter(map(libsumo.vehicle.getLanePosition, self._names), float, count)
+        x[:count] -= 0.5 * self._length[:count]
+        self._acceleration = (speed - self._speed) / self._step
+        self._speed, self._x = speed, x
+        for car in self._changing:
+            self._read_changing(car)
+        if self._changing:
+            self._changing = [car for car in self._changing if self._second_lane[car] != self._lane[car]]
+        self._robot = robot_state
+        self._x[-1], self._y[-1], self._heading[-1], self._speed[-1] = robot_state
+        self._acceleration[-1] = robot_acceleration
+
+    def _read_changing(self, car: int) -> None:
+        """Read where a car is that was told to change lanes; it may be on its way, done, or refused."""
+        name = self._names[car]
+        angle = math.radians(90.0 - libsumo.vehicle.getAngle(name))
+        x, y = libsumo.vehicle.getPosition(name)
+        along, lateral, heading = self.road.from_world(x, y, angle)
+        heading = math.remainder(heading, math.tau)
+        half = 0.5 * self._length[car]
+        lane = libsumo.vehicle.getLaneIndex(name)
+        offset = lateral - self.road.lane_centre(lane)
+        self._lane[car] = lane
+        if abs(offset) < ON_CENTRE_LINE:
+            self._y[car], self._heading[car] = self.road.lane_centre(lane), 0.0
+            self._target_lane[car] = self._second_lane[car] = lane
+            return
+        self._x[car] = along - half * math.cos(heading)
+        self._y[car] = lateral - half * math.sin(heading)
+        self._heading[car] = heading
+        self._second_lane[car] = lane + (1 if offset > 0.0 else -1)
+
+    def _forget(self, arrived: set[str]) -> None:
+        """Drop the rows of cars that have reached the end of the road."""
+        if ROBOT in arrived:
+            raise SimulationError(
+                f"the robot reached the end of the road ({self.road.length:.0f} m) after {self._time:.2f} s;"
+                " take a longer road or a shorter simulation.duration"
+            )
+        stays = np.array([name not in arrived for name in [*self._names, ROBOT]])
+        renumbered = np.cumsum(stays) - 1
+        self._changing = [int(renumbered[car]) for car in self._changing if stays[car]]
+        self._names = [name for name in self._names if name not in arrived]
+        self._number = self._number[stays[:-1]]
+        self._order = renumbered[self._order[stays[self._order]]]
+        for name in ("_turn", "_x", "_y", "_heading", "_speed", "_acceleration", "_lane", "_target_lane",
+                     "_second_lane", "_length", "_width", "_all_drivers"):  # fmt: skip
+            setattr(self, name, getattr(self, name)[stays])
+
+    def _first_warning(self) -> str:
+        lines = self._sumo_log.read_text(encoding="utf-8").splitlines() if self._sumo_log.is_file() else []
+        return lines[0] if lines else "none"
+
+    def close(self) -> None:
+        """End SUMO and pass its warnings on to the log."""
+        if libsumo.isLoaded():
+            libsumo.close()
+        if self._sumo_log.is_file():
+            for line in self._sumo_log.read_text(encoding="utf-8", errors="replace").splitlines():
+                log.warning("SUMO: %s", line)
+        self._folder.cleanup()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
