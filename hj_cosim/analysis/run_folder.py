@@ -18,6 +18,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from hj_cosim.analysis.columns import name_column, numeric_column
 from hj_cosim.analysis.record import NO_VEHICLE, ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
 from hj_cosim.errors import RunFolderError
 from hj_cosim.vehicles.road import Road
@@ -132,29 +133,24 @@ def _trajectory_table(record: RunRecord, start: int, stop: int) -> pa.Table:
 
     robot_lane = np.clip(np.floor(robot.y / road.lane_width + 0.5), 0, road.lane_count - 1).astype(np.int8)
     columns = {
-        "time": time[sample],
-        "vehicle": pa.DictionaryArray.from_arrays(
-            pa.array(column.astype(np.int32)), pa.array([ROBOT_NAME, *traffic.names], pa.string())
-        ),
-        **{name: both(getattr(robot, name), getattr(traffic, name)) for name in _TRAFFIC_FLOATS},
-        "lane": both(robot_lane, traffic.lane).astype(np.int8),
-        "length": np.concatenate([[record.robot_length], traffic.length])[column],
-        "width": np.concatenate([[record.robot_width], traffic.width])[column],
+        "time": numeric_column(time[sample]),
+        "vehicle": name_column(column, (ROBOT_NAME, *traffic.names)),
+        **{name: numeric_column(both(getattr(robot, name), getattr(traffic, name))) for name in _TRAFFIC_FLOATS},
+        "lane": numeric_column(both(robot_lane, traffic.lane).astype(np.int8)),
+        "length": numeric_column(np.append(record.robot_length, traffic.length)[column]),
+        "width": numeric_column(np.append(record.robot_width, traffic.width)[column]),
     }
     return pa.table(columns).replace_schema_metadata({_ROAD_KEY: json.dumps(asdict(road)).encode()})
 
 
 def robot_table(record: RunRecord) -> pa.Table:
     """Return robot.parquet's table: a row per sample, the columns of SPEC section 2."""
-    columns: dict[str, Any] = {"time": record.time}
+    columns = {"time": numeric_column(record.time)}
     for field in fields(RobotTrack):
-        columns[field.name] = getattr(record.robot, field.name)
-    vehicle = record.robot.value_vehicle
-    columns["value_vehicle"] = pa.DictionaryArray.from_arrays(
-        pa.array(vehicle.astype(np.int32), mask=vehicle == NO_VEHICLE), pa.array(record.traffic.names, pa.string())
-    )
+        columns[field.name] = numeric_column(getattr(record.robot, field.name))
+    columns["value_vehicle"] = name_column(record.robot.value_vehicle, record.traffic.names)
     for field in fields(ThreatTrack):
-        columns[field.name] = getattr(record.threats, field.name)
+        columns[field.name] = numeric_column(getattr(record.threats, field.name))
     return pa.table(columns)
 
 
@@ -184,7 +180,7 @@ def read_run(folder: Path) -> Run:
     try:
         config = tomllib.loads((folder / CONFIG).read_text(encoding="utf-8"))
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        record = _read_record(pq.ParquetFile(folder / TRAJECTORIES), pq.read_table(folder / ROBOT))
+        record = _read_record(pq.ParquetFile(folder / TRAJECTORIES), pq.ParquetFile(folder / ROBOT).read())
     except FileNotFoundError as error:
         raise RunFolderError(f"{folder} holds no complete run: {error.filename} is missing") from error
     except (OSError, ValueError, KeyError, IndexError) as error:  # pyarrow's and json's errors are among these
