@@ -1,0 +1,115 @@
+"""The rows of safety-preserving control: min over w_o of ∇V·f >= 0, for every car with V <= ε.
+
+Paper, section HJI Safety Controller. With ∇V = (V_x, V_y, V_θ, V_r, V_o), a row is V_θ ω + V_r a + c_0 >= 0 where
+
+    c_0 = min over (θ_o, a_o) of (V_o a_o − V_x v_o cosθ_o − V_y v_o sinθ_o)  +  V_x v_r cosθ_r + V_y v_r sinθ_r.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hj_cosim.errors import TableError
+from hj_cosim.reachability.dynamics import find_dynamics
+from hj_cosim.reachability.lookup import TableArrays, value_and_gradient_at, value_at
+from hj_cosim.reachability.value_table import ValueTable
+
+HIGHWAY_STATE = ("p_x", "p_y", "theta", "v_r", "v_o")
+_PARAMETER_NAMES = ("other_heading_max", "other_acceleration_min", "other_acceleration_max")
+
+
+class Disturbance(NamedTuple):
+    """The other car's controls w_o, as the value table assumes them; a NamedTuple, so that kernels take it."""
+
+    heading_max: float  # θ̄, rad
+    acceleration_min: float  # m/s²
+    acceleration_max: float  # m/s²
+
+    @classmethod
+    def of(cls, table: ValueTable) -> "Disturbance":
+        """Return the limits that a table was solved with.
+
+        Raises:
+            TableError: if the table is not one of the relative highway dynamics.
+        """
+        dynamics = find_dynamics(table.specification.dynamics)
+        parameters = {**dynamics.parameters, **table.specification.parameters}
+        if dynamics.state != HIGHWAY_STATE or any(name not in parameters for name in _PARAMETER_NAMES):
+            raise TableError(
+                f"the value table has dynamics {dynamics.name!r} with state ({', '.join(dynamics.state)}); the filter"
+                f" needs one with state ({', '.join(HIGHWAY_STATE)}), such as highway"
+            )
+        return cls(*(parameters[name] for name in _PARAMETER_NAMES))
+
+
+@njit(cache=True)
+def worst_drift(gradient: np.ndarray, heading: float, speed: float, other_speed: float, other: Disturbance) -> float:
+    """Return c_0 of the row, m/s.
+
+    The worst θ_o points along (V_x, V_y), as far as |θ_o| <= θ̄ allows; a car that stands does not brake.
+
+    Args:
+        gradient: (5,) ∇V.
+        heading: θ_r, rad.
+        speed, other_speed: v_r and v_o, m/s.
+        other: limits of w_o.
+    """
+    along, across = gradient[0], gradient[1]
+    cos_max, sin_max = math.cos(other.heading_max), math.sin(other.heading_max)
+    if abs(across) * cos_max <= along * sin_max:
+        towards = math.hypot(along, across)
+    else:
+        towards = along * cos_max + abs(across) * sin_max
+    braking = other.acceleration_min if other_speed > 0.0 else 0.0
+    worst_acceleration = min(gradient[4] * braking, gradient[4] * other.acceleration_max)
+    own = speed * (along * math.cos(heading) + across * math.sin(heading))
+    return worst_acceleration - other_speed * towards + own
+
+
+@njit(cache=True)
+def hji_rows(
+    table: TableArrays,
+    robot: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    speed: np.ndarray,
+    epsilon: float,
+    other: Disturbance,
+) -> tuple[np.ndarray, np.ndarray, float, int]:
+    """Return the rows of the cars in K, and the least value of all.
+
+    One pass: a car beyond the table in p_x or p_y costs a comparison, one with V > ε a look-up, and only one
+    in K a gradient.
+
+    Args:
+        table: the value table's arrays.
+        robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
+        x, y, speed: (J,) m, m, m/s, of the other cars.
+        epsilon: ε, m; −inf for no rows.
+        other: limits of the other car's controls.
+
+    Returns:
+        the cars in K, (K,) int indices; their rows (K, 4) as V, p, q, c; the least V of all cars (+inf if none
+        is within the table); the index of its car, −1 if none.
+    """
+    cars = np.empty(len(x), dtype=np.int64)
+    rows = np.empty((len(x), 4))
+    gradient = np.empty(5)
+    count, least, nearest = 0, math.inf, -1
+    for j in range(len(x)):
+        p_x, p_y = robot[0] - x[j], robot[1] - y[j]
+        value = value_at(table, p_x, p_y, robot[2], robot[3], speed[j])
+        if value < least:
+            least, nearest = value, j
+        if value > epsilon:
+            continue
+        value_and_gradient_at(table, p_x, p_y, robot[2], robot[3], speed[j], gradient)
+        cars[count] = j
+        rows[count, 0] = value
+        rows[count, 1] = gradient[2]
+        rows[count, 2] = gradient[3]
+        rows[count, 3] = worst_drift(gradient, robot[2], robot[3], speed[j], other)
+        count += 1
+    return cars[:count], rows[:count], least, nearest

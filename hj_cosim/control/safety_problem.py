@@ -1,0 +1,363 @@
+"""The safety filter's optimisation problem (paper, eq. case study multiagent safety controller) and what solves it.
+
+    min over (ω, a, t) of  λ_1 (ω − ω_des)² + λ_2 (a − a_des)² + λ_3 t
+    subject to             p_k ω + q_k a + t >= −c_k  for every k in K,   (ω, a) in the robot's box,   t >= 0 in MI.
+
+The paper's max_k η_k is the one shared slack t. `switching` (SW) has λ_2 = 0, which leaves a undetermined wherever no
+row speaks of it; a tie weight of 1e-6 ā⁻² on (a − a_des)² makes it unique and changes nothing else.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import qpsolvers
+from numba import njit
+from scipy.sparse import csc_matrix
+
+from hj_cosim.config import FilterSettings, RobotSettings
+from hj_cosim.errors import ConfigurationError
+
+TIE_WEIGHT = 1e-6  # of λ_1, λ_2 after scaling by ω̄ and ā
+# An answer is refused when it misses a row or the box by more than this (in a row's units, relative to the slack).
+FEASIBILITY_TOLERANCE = 1e-4
+# The last resort, and the solver inside jitted rollouts.
+ENUMERATION = "enumeration"
+
+# What makes each backend of qpsolvers accurate on this problem: P is singular in t, and the tie weight is small.
+_BACKEND_OPTIONS: dict[str, dict[str, float | int | bool]] = {
+    "daqp": {"primal_tol": 1e-9, "dual_tol": 1e-12},
+    "quadprog": {},
+    "piqp": {"eps_abs": 1e-10, "eps_rel": 1e-11},
+    "clarabel": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11},
+    "osqp": {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iter": 20_000, "polishing": True},
+}
+_SPARSE_BACKENDS = ("osqp", "clarabel")
+# Only quadprog needs a positive definite P; on t, in units of λ_3.
+_QUADPROG_REGULARISATION = 1e-8
+
+
+@dataclass(frozen=True)
+class SafetyRows:
+    """The half-planes p_k ω + q_k a >= −c_k of the K constraints; for the HJI, rows of min over w_o of dV/dt."""
+
+    vehicle: np.ndarray  # (K,) int, whose
+    value: np.ndarray  # (K,) m, that car's V
+    p: np.ndarray  # (K,) coefficient of ω; ∂V/∂θ_r for the HJI
+    q: np.ndarray  # (K,) coefficient of a; ∂V/∂v_r
+    c: np.ndarray  # (K,) c_0; the drift under the worst disturbance
+
+    def __len__(self) -> int:
+        return len(self.p)
+
+    def margins(self, omega: float, acceleration: float) -> np.ndarray:
+        """Return p ω + q a + c, (K,): negative where a control violates a row."""
+        return self.p * omega + self.q * acceleration + self.c
+
+
+@dataclass(frozen=True)
+class SafetyWeights:
+    """λ of the problem, λ_2 the tie weight in SW, and whether t may be negative (SW)."""
+
+    omega: float  # λ_1, (rad/s)⁻²
+    acceleration: float  # λ_2, (m/s²)⁻²
+    slack: float  # λ_3
+    slack_is_free: bool
+
+    @classmethod
+    def of(cls, settings: FilterSettings, robot: RobotSettings) -> "SafetyWeights":
+        """Return λ = (ω̄⁻², ā⁻², λ_3) of the paper for a scheme, MI or SW."""
+        switching = settings.scheme == "sw"
+        return cls(
+            omega=robot.omega_max**-2,
+            acceleration=(TIE_WEIGHT if switching else 1.0) * robot.acceleration_max**-2,
+            slack=settings.slack_weight,
+            slack_is_free=switching,
+        )
+
+
+@dataclass(frozen=True)
+class SafetySolution:
+    """A solution of the problem and who found it."""
+
+    omega: float  # rad/s
+    acceleration: float  # m/s²
+    slack: float  # t
+    backend: str
+
+
+@njit(cache=True)
+def least_cost_control(
+    p: np.ndarray,
+    q: np.ndarray,
+    c: np.ndarray,
+    desired_omega: float,
+    desired_acceleration: float,
+    weights: np.ndarray,
+    slack_is_free: bool,
+    box: np.ndarray,
+) -> tuple[float, float, float]:
+    """Solve the problem exactly by enumeration; for few rows, in rollouts and where every other solver has failed.
+
+    With t eliminated the cost is a separable quadratic plus λ_3 times the largest of n affine pieces −(p ω + q a + c)
+    (and of 0 in MI). Its minimiser is the minimiser over the box of one piece, or over a segment where two pieces
+    are equal, or the point where three are. All of those lie in the box, so the cheapest is the solution: there is no
+    tolerance and nothing that can fail. O(K⁴), a microsecond for K <= 3.
+
+    Args:
+        p, q, c: (K,) the rows; all finite.
+        desired_omega: rad/s.
+        desired_acceleration: m/s².
+        weights: (3,) λ; the first two positive.
+        slack_is_free: whether t may be negative.
+        box: (4,) lower and upper ω, lower and upper a.
+
+    Returns:
+        ω, a and the slack t.
+    """
+    rows = len(p)
+    # The affine pieces in coordinates scaled by the weights, in which the quadratic is a squared distance.
+    pieces = rows if slack_is_free else rows + 1
+    scale_omega, scale_a = math.sqrt(weights[0]), math.sqrt(weights[1])
+    slope = np.zeros((pieces, 2))
+    offset = np.zeros(pieces)
+    for k in range(rows):
+        slope[k, 0] = -p[k] / scale_omega
+        slope[k, 1] = -q[k] / scale_a
+        offset[k] = -c[k]
+    low = np.array([box[0] * scale_omega, box[2] * scale_a])
+    high = np.array([box[1] * scale_omega, box[3] * scale_a])
+    target = np.array([desired_omega * scale_omega, desired_acceleration * scale_a])
+
+    best = np.array([math.inf, 0.0, 0.0, 0.0])  # cost, point, slack
+    if pieces == 0:
+        x, y = min(max(target[0], low[0]), high[0]), min(max(target[1], low[1]), high[1])
+        return x / scale_omega, y / scale_a, 0.0
+    for i in range(pieces):
+        # A separable quadratic over a box: clip each coordinate.
+        x = min(max(target[0] - 0.5 * weights[2] * slope[i, 0], low[0]), high[0])
+        y = min(max(target[1] - 0.5 * weights[2] * slope[i, 1], low[1]), high[1])
+        _keep_cheaper(x, y, slope, offset, target, weights[2], best)
+        for j in range(i + 1, pieces):
+            _try_equal_pair(i, j, slope, offset, target, weights[2], low, high, best)
+            for k in range(j + 1, pieces):
+                _try_equal_triple(i, j, k, slope, offset, target, weights[2], low, high, best)
+    omega = min(max(best[1] / scale_omega, box[0]), box[1])
+    acceleration = min(max(best[2] / scale_a, box[2]), box[3])
+    return omega, acceleration, best[3]
+
+
+@njit(cache=True)
+def _keep_cheaper(
+    x: float, y: float, slope: np.ndarray, offset: np.ndarray, target: np.ndarray, slack_weight: float, best: np.ndarray
+) -> None:
+    slack = -math.inf
+    for k in range(len(offset)):
+        slack = max(slack, slope[k, 0] * x + slope[k, 1] * y + offset[k])
+    cost = (x - target[0]) ** 2 + (y - target[1]) ** 2 + slack_weight * slack
+    if cost < best[0]:
+        best[0], best[1], best[2], best[3] = cost, x, y, slack
+
+
+@njit(cache=True)
+def _try_equal_pair(
+    i: int,
+    j: int,
+    slope: np.ndarray,
+    offset: np.ndarray,
+    target: np.ndarray,
+    slack_weight: float,
+    low: np.ndarray,
+    high: np.ndarray,
+    best: np.ndarray,
+) -> None:
+    normal_x, normal_y = slope[i, 0] - slope[j, 0], slope[i, 1] - slope[j, 1]
+    length = math.hypot(normal_x, normal_y)
+    if length == 0.0:  # the same row twice, or parallel ones
+        return
+    normal_x /= length
+    normal_y /= length
+    direction = (-normal_y, normal_x)
+    # From the target's foot on the line, the distance along it that balances the piece's slope ...
+    to_line = (offset[j] - offset[i]) / length - normal_x * target[0] - normal_y * target[1]
+    foot = (target[0] + to_line * normal_x, target[1] + to_line * normal_y)
+    along = -0.5 * slack_weight * (slope[i, 0] * direction[0] + slope[i, 1] * direction[1])
+    # ... within the part of the line that lies in the box.
+    first, last = -math.inf, math.inf
+    for axis in range(2):
+        if direction[axis] == 0.0:
+            if foot[axis] < low[axis] or foot[axis] > high[axis]:
+                return
+            continue
+        one = (low[axis] - foot[axis]) / direction[axis]
+        other = (high[axis] - foot[axis]) / direction[axis]
+        first, last = max(first, min(one, other)), min(last, max(one, other))
+    if first > last:
+        return
+    along = min(max(along, first), last)
+    x = min(max(foot[0] + along * direction[0], low[0]), high[0])
+    y = min(max(foot[1] + along * direction[1], low[1]), high[1])
+    _keep_cheaper(x, y, slope, offset, target, slack_weight, best)
+
+
+@njit(cache=True)
+def _try_equal_triple(
+    i: int,
+    j: int,
+    k: int,
+    slope: np.ndarray,
+    offset: np.ndarray,
+    target: np.ndarray,
+    slack_weight: float,
+    low: np.ndarray,
+    high: np.ndarray,
+    best: np.ndarray,
+) -> None:
+    a, b, e = slope[i, 0] - slope[j, 0], slope[i, 1] - slope[j, 1], offset[j] - offset[i]
+    c, d, f = slope[i, 0] - slope[k, 0], slope[i, 1] - slope[k, 1], offset[k] - offset[i]
+    determinant = a * d - b * c
+    if determinant == 0.0:
+        return
+    x, y = (e * d - b * f) / determinant, (a * f - e * c) / determinant
+    if low[0] <= x <= high[0] and low[1] <= y <= high[1]:
+        _keep_cheaper(x, y, slope, offset, target, slack_weight, best)
+
+
+def least_slack(rows: SafetyRows, box: np.ndarray) -> float:
+    """Return the least t >= 0 with which some control in the box meets all rows; 0 when they can be met together.
+
+    A weight of 1e12 on t against 1 on the distance from the middle of the box leaves an error below 1e-10.
+
+    Args:
+        rows: K half-planes.
+        box: (4,) lower and upper ω, lower and upper a.
+    """
+    half = np.array([0.5 * (box[1] - box[0]), 0.5 * (box[3] - box[2])])
+    weights = np.array([half[0] ** -2, half[1] ** -2, 1e12])
+    middle = (0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]))
+    return least_cost_control(rows.p, rows.q, rows.c, middle[0], middle[1], weights, False, box)[2]
+
+
+@njit(cache=True)
+def _scaled_problem(
+    p: np.ndarray, q: np.ndarray, desired: tuple[float, float], scale: tuple[float, float], tie: float, slack: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the linear cost (3,) and the inequality's matrix (K, 3) over (ω, a, t), ω and a in units of `scale`."""
+    linear = np.array([-2.0 * desired[0] / scale[0], -2.0 * tie * desired[1] / scale[1], slack])
+    inequality = np.empty((len(p), 3))
+    for k in range(len(p)):
+        inequality[k, 0], inequality[k, 1], inequality[k, 2] = -p[k] * scale[0], -q[k] * scale[1], -1.0
+    return linear, inequality
+
+
+@njit(cache=True)
+def _judged_answer(
+    point: np.ndarray, scale: tuple[float, float], p: np.ndarray, q: np.ndarray, c: np.ndarray, box: np.ndarray
+) -> tuple[bool, float, float, float]:
+    """Return whether a backend's (ω, a, t) is a solution, ω and a within the box, and max over K of −(p ω + q a + c)."""
+    omega, acceleration = point[0] * scale[0], point[1] * scale[1]
+    inside = (
+        box[0] - FEASIBILITY_TOLERANCE <= omega <= box[1] + FEASIBILITY_TOLERANCE
+        and box[2] - FEASIBILITY_TOLERANCE <= acceleration <= box[3] + FEASIBILITY_TOLERANCE
+    )
+    omega, acceleration = min(max(omega, box[0]), box[1]), min(max(acceleration, box[2]), box[3])
+    needed = -math.inf
+    for k in range(len(p)):
+        needed = max(needed, -(p[k] * omega + q[k] * acceleration + c[k]))
+    kept = needed - point[2] <= FEASIBILITY_TOLERANCE * (1.0 + abs(needed))
+    return inside and kept and math.isfinite(omega + acceleration + point[2]), omega, acceleration, needed
+
+
+class SafetySolver:
+    """Solves the problem with one of qpsolvers' backends; one that fails is answered by the next, and counted."""
+
+    def __init__(self, settings: FilterSettings, robot: RobotSettings, counts: Counter[str]) -> None:
+        """Prepare what does not change.
+
+        Args:
+            settings: scheme, λ_3 and backend.
+            robot: its limits.
+            counts: written: how often "<backend> failed".
+
+        Raises:
+            ConfigurationError: if the backend is not installed.
+        """
+        available = qpsolvers.available_solvers
+        if settings.solver not in available:
+            raise ConfigurationError(
+                f"filter.solver = {settings.solver!r} is not installed; install hj-cosim[solvers] or choose one of "
+                + ", ".join(name for name in _BACKEND_OPTIONS if name in available)
+            )
+        others = [name for name in _BACKEND_OPTIONS if name in available and name != settings.solver]
+        self.backends: Sequence[str] = (settings.solver, *others)
+        self.counts = counts
+        self.weights = SafetyWeights.of(settings, robot)
+        self.box = np.array([-robot.omega_max, robot.omega_max, robot.acceleration_min, robot.acceleration_max])
+        self._weight_array = np.array([self.weights.omega, self.weights.acceleration, self.weights.slack])
+        # In units of ω̄ and ā (and t as it is) the problem is well conditioned.
+        self._scale = (robot.omega_max, robot.acceleration_max)
+        self._tie = TIE_WEIGHT if self.weights.slack_is_free else 1.0
+        self._cost = np.diag([2.0, 2.0 * self._tie, 0.0])
+        self._sparse_cost = csc_matrix(self._cost)
+        self._regular_cost = np.diag([2.0, 2.0 * self._tie, _QUADPROG_REGULARISATION * self.weights.slack])
+        lowest_slack = -np.inf if self.weights.slack_is_free else 0.0
+        units = np.array([*self._scale, 1.0])
+        self._lower = np.array([-robot.omega_max, robot.acceleration_min, lowest_slack]) / units
+        self._upper = np.array([robot.omega_max, robot.acceleration_max, np.inf]) / units
+
+    def solve(self, rows: SafetyRows, desired_omega: float, desired_acceleration: float) -> SafetySolution:
+        """Return the control that solves the problem.
+
+        Args:
+            rows: K >= 1 half-planes, finite.
+            desired_omega, desired_acceleration: rad/s, m/s²; finite, in the box or not.
+        """
+        linear, inequality = _scaled_problem(
+            rows.p, rows.q, (desired_omega, desired_acceleration), self._scale, self._tie, self.weights.slack
+        )
+        for backend in self.backends:
+            point = self._answer_of(backend, linear, inequality, rows.c)
+            if point is not None:
+                good, omega, acceleration, needed = _judged_answer(point, self._scale, rows.p, rows.q, rows.c, self.box)
+                if good:
+                    slack = needed if self.weights.slack_is_free else max(needed, 0.0)
+                    return SafetySolution(omega, acceleration, slack, backend)
+            self.counts[f"{backend} failed"] += 1
+        omega, acceleration, slack = least_cost_control(
+            rows.p,
+            rows.q,
+            rows.c,
+            desired_omega,
+            desired_acceleration,
+            self._weight_array,
+            self.weights.slack_is_free,
+            self.box,
+        )
+        return SafetySolution(omega, acceleration, slack, ENUMERATION)
+
+    def objective(self, rows: SafetyRows, desired: tuple[float, float], control: tuple[float, float]) -> float:
+        """Return the cost of a control (ω, a), with the t that it needs; `desired` likewise."""
+        needed = -float(rows.margins(*control).min())
+        return (
+            self.weights.omega * (control[0] - desired[0]) ** 2
+            + self.weights.acceleration * (control[1] - desired[1]) ** 2
+            + self.weights.slack * (needed if self.weights.slack_is_free else max(needed, 0.0))
+        )
+
+    def _answer_of(
+        self, backend: str, linear: np.ndarray, inequality: np.ndarray, offset: np.ndarray
+    ) -> np.ndarray | None:
+        """Return a backend's scaled (ω, a, t), or None where it fails."""
+        cost = self._cost
+        if backend == "quadprog":
+            cost = self._regular_cost
+        elif backend in _SPARSE_BACKENDS:
+            cost, inequality = self._sparse_cost, csc_matrix(inequality)
+        problem = qpsolvers.Problem(cost, linear, inequality, offset, lb=self._lower, ub=self._upper)
+        try:
+            solution = qpsolvers.solve_problem(problem, backend, **_BACKEND_OPTIONS[backend])
+        except (qpsolvers.exceptions.QPError, ValueError, ArithmeticError):
+            return None
+        return solution.x if solution.found else None

@@ -1,0 +1,38 @@
+"""The controller that follows the planner's lane and speed (paper, eq. case study closed-loop controller)."""
+
+import math
+
+import numpy as np
+
+from hj_cosim.config import RobotSettings, TrackingSettings
+from hj_cosim.vehicles.observation import Control, Target
+from hj_cosim.vehicles.road import Road
+
+
+def tracking_control(
+    state: np.ndarray, target: Target, road: Road, settings: TrackingSettings, robot: RobotSettings
+) -> Control:
+    """Return ω = −K_θ [θ + arcsin(K_1 Δℓ / v)] and a = K_2 (v_p − v), within the robot's limits.
+
+    The paper's δ is arctan(L ω / v) of this ω. The heading towards the lane, arcsin(K_1 Δℓ / v), is clipped to
+    ± `heading_max`: a slow car cannot approach its lane at K_1 Δℓ, and the value table knows no larger heading.
+
+    Args:
+        state: (4,) p_x, p_y (m), θ (rad), v (m/s) of the robot in the road frame.
+        target: the lane and speed to follow.
+    """
+    _, lateral, heading, speed = state.tolist()
+    off_centre = lateral - road.lane_centre(target.lane)
+    limit = math.sin(settings.heading_max)
+    towards_lane = settings.k_1 * off_centre
+    # |K_1 Δℓ| < v limit, without the division that fails at a standstill.
+    if abs(towards_lane) < speed * limit:
+        approach = math.asin(towards_lane / speed)
+    else:
+        approach = math.copysign(settings.heading_max, off_centre) if off_centre else 0.0
+    omega = -settings.k_theta * (heading + approach)
+    acceleration = settings.k_2 * (target.speed - speed)
+    return Control(
+        omega=min(max(omega, -robot.omega_max), robot.omega_max),
+        acceleration=min(max(acceleration, robot.acceleration_min), robot.acceleration_max),
+    )
