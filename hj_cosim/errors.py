@@ -27,3 +27,7 @@ class RunFolderError(HjCosimError):
 
 class SimulationError(HjCosimError):
     """SUMO or a solver failed in the middle of an episode."""
+
+
+class OutputError(HjCosimError):
+    """A figure, an export or a report of an unknown kind was asked for, or of a run that does not hold its data."""

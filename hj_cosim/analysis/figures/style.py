@@ -1,0 +1,120 @@
+"""How every picture looks: colours, sizes, and how it is saved."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import pandas as pd
+from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
+from matplotlib.figure import Figure
+
+from hj_cosim.errors import OutputError
+from hj_cosim.files import whole_file
+
+# The palette of Okabe and Ito (2008), which colour-blind readers tell apart; in grey, the ones that meet in one
+# picture also differ in lightness, line style or marker.
+BLACK = "#000000"
+ORANGE = "#E69F00"
+SKY_BLUE = "#56B4E9"
+GREEN = "#009E73"
+YELLOW = "#F0E442"
+BLUE = "#0072B2"
+VERMILION = "#D55E00"
+PURPLE = "#CC79A7"
+
+ROBOT = VERMILION
+CAR = "#A9C9DE"  # a pale sky blue: light where the robot is dark
+CAR_EDGE = "#33566B"
+ASPHALT = "#F1F1EE"
+LANE_LINE = "#9A9A9A"
+INTERVENTION = YELLOW
+GREY = "#6B6B6B"
+
+# Unsafe values are dark red, safe ones dark blue, zero is white: the two ends differ in hue, and the zero level is
+# always drawn as a line, because both ends are dark in grey.
+VALUE_COLOURS = LinearSegmentedColormap.from_list("value", ["#7F2704", VERMILION, "#FFFFFF", SKY_BLUE, "#08306B"])
+
+PAGE_WIDTH = 7.2  # inches, two columns of the paper
+COLUMN_WIDTH = 3.5  # inches, one column
+
+_STYLE: dict[str, Any] = {
+    "font.size": 8.5,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.4,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "savefig.dpi": 160,
+    "svg.hashsalt": "hj-cosim",
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+}
+
+# What keeps the date and the version of matplotlib out of each format, so that the same data give the same bytes.
+_UNDATED: dict[str, dict[str, Any]] = {
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None, "Producer": None, "Creator": None},
+    ".svg": {"Date": None, "Creator": None},
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A picture and the table of the data in it."""
+
+    figure: Figure
+    data: pd.DataFrame
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Draw in this project's style while the block lasts."""
+    with mpl.rc_context({**mpl.rcParamsDefault, **_STYLE}):
+        yield
+
+
+def value_norm(limit: float) -> TwoSlopeNorm:
+    """Return the colour scale from −limit to limit (m) with its middle at V = 0."""
+    return TwoSlopeNorm(vcenter=0.0, vmin=-limit, vmax=limit)
+
+
+def save_drawing(drawing: Drawing, path: Path) -> list[Path]:
+    """Save a picture; without a suffix in `path` as raster, vector and table (.png, .pdf, .csv).
+
+    Args:
+        drawing: what to save.
+        path: a file that ends in .png, .pdf, .svg or .csv (the data), or one without suffix.
+
+    Returns:
+        The files written.
+
+    Raises:
+        HjCosimError: if a file cannot be written, or its suffix is another.
+    """
+    paths = [path] if path.suffix else [path.with_name(path.name + suffix) for suffix in (".png", ".pdf", ".csv")]
+    for target in paths:
+        _save(drawing, target)
+    return paths
+
+
+def _save(drawing: Drawing, path: Path) -> None:
+    if path.suffix not in (*_UNDATED, ".csv"):
+        raise OutputError(f"cannot draw {path}: a picture ends in .png, .pdf or .svg, its data in .csv")
+    with whole_file(path) as temporary:
+        if path.suffix == ".csv":
+            drawing.data.to_csv(temporary, index=False)
+        else:
+            with house_style():
+                drawing.figure.savefig(temporary, metadata=_UNDATED[path.suffix])
