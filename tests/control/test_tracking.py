@@ -1,0 +1,63 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hj_cosim.config import RobotSettings, TrackingSettings
+from hj_cosim.control.tracking import tracking_control
+from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
+from hj_cosim.vehicles.observation import Target
+from hj_cosim.vehicles.road import Road
+
+ROAD, ROBOT, GAINS = Road(lane_count=4), RobotSettings(), TrackingSettings()
+
+
+def control(state, lane=1, speed=24.0):
+    return tracking_control(np.array(state), Target(lane, speed), ROAD, GAINS, ROBOT)
+
+
+def test_it_is_the_paper_s_law_where_no_limit_binds():
+    v, off_centre, heading = 25.0, 0.1, 0.01
+    steering = math.atan(-ROBOT.wheelbase * 5.0 / v * (heading + math.asin(2.0 * off_centre / v)))
+    wanted = control([0.0, 4.0 + off_centre, heading, v], speed=24.5)
+    assert steering_for(wanted.omega, v, ROBOT.wheelbase) == pytest.approx(steering, abs=1e-12)
+    assert wanted.acceleration == pytest.approx(1.67 * (24.5 - v))
+
+
+def test_it_is_at_rest_in_the_middle_of_the_lane_at_the_planned_speed():
+    wanted = control([100.0, 8.0, 0.0, 20.0], lane=2, speed=20.0)
+    assert (wanted.omega, wanted.acceleration) == (0.0, 0.0)
+
+
+@given(
+    lateral=st.floats(-20.0, 30.0), heading=st.floats(-7.0, 7.0), speed=st.floats(0.0, 40.0), wanted=st.floats(0, 60)
+)
+def test_it_is_finite_and_within_the_limits_for_any_state_standing_included(lateral, heading, speed, wanted):
+    chosen = control([0.0, lateral, heading, speed], speed=wanted)
+    assert abs(chosen.omega) <= ROBOT.omega_max
+    assert ROBOT.acceleration_min <= chosen.acceleration <= ROBOT.acceleration_max
+
+
+@given(lateral=st.floats(-8.0, 8.0), heading=st.floats(-0.4, 0.4), speed=st.floats(0.0, 40.0))
+def test_left_and_right_are_mirror_images(lateral, heading, speed):
+    left = control([0.0, 4.0 + lateral, heading, speed])
+    right = control([0.0, 4.0 - lateral, -heading, speed])
+    assert left.omega == pytest.approx(-right.omega, abs=1e-12)
+
+
+@pytest.mark.parametrize("speed", [2.0, 10.0, 24.0, 35.0])
+def test_a_lane_change_ends_in_the_lane_without_leaving_the_value_table_s_headings(speed):
+    state = np.array([0.0, 4.0, 0.0, speed])
+    headings, laterals = [], []
+    for _ in range(1000):
+        wanted = control(state, lane=2, speed=speed)
+        steering = steering_for(wanted.omega, state[3], ROBOT.wheelbase)
+        state = bicycle_step(state, steering, wanted.acceleration, ROBOT.wheelbase, ROBOT.speed_max, 0.02)
+        headings.append(abs(state[2]))
+        laterals.append(state[1])
+    assert max(headings) <= 0.4 + 1e-9
+    assert laterals[-1] == pytest.approx(8.0, abs=0.01)
+    assert state[2] == pytest.approx(0.0, abs=1e-3)
+    assert max(laterals) < 8.0 + 1.0  # stays within its lane: half a lane less half a car
