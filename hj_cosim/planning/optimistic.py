@@ -6,7 +6,18 @@ import numpy as np
 
 from hj_cosim.config import DriverSettings, PlannerSettings, RobotSettings
 from hj_cosim.planning.planner import IdlePlanner, Plan, Planner, PlanStatistics, PredictedTrajectory
-from hj_cosim.planning.prediction import CENTRED, ROBOT, PredictionModel, empty_motion, empty_scene, noticed_lanes
+from hj_cosim.planning.prediction import (
+    LANE,
+    LATERAL,
+    POSITION,
+    ROBOT,
+    SECOND_LANE,
+    SPEED,
+    VEHICLE,
+    PredictionModel,
+    empty_scene,
+    noticed_lanes,
+)
 from hj_cosim.planning.reward import reward_model
 from hj_cosim.planning.tree_search import ROOT, ActionModel, Tree, empty_tree, outermost_lanes, search
 from hj_cosim.reachability.value_table import ValueTable
@@ -16,6 +27,9 @@ from hj_cosim.vehicles.road import Road
 
 # Drivers notice the robot in a lane when its centre is this far beyond the lane's border, or nearer (SPEC section 4).
 NOTICE_MARGIN = 1.0  # m
+
+# A car that is farther from the centre line of the lane that it drives to is still changing lanes.
+CENTRED = 0.1  # m
 
 
 def mean_driver(drivers: DriverSettings) -> np.ndarray:
@@ -80,10 +94,9 @@ class OptimisticPlanner:
         self._make_room(1)
 
     def _make_room(self, vehicles: int) -> None:
-        self._tree = empty_tree(self._settings.expansions, vehicles)
-        self._scene = empty_scene(vehicles)
         self._prediction = prediction_model(self._settings, self._drivers, self._road, vehicles)
-        self._motion = empty_motion(vehicles, self._prediction.steps, self._road.lane_count)
+        self._tree = empty_tree(self._settings.expansions, vehicles)
+        self._scene = empty_scene(vehicles, self._prediction.steps, self._road.lane_count)
 
     def plan(self, observation: Observation, previous: Target) -> Plan:
         """Return the first action of the best path found, with the search's statistics.
@@ -94,25 +107,25 @@ class OptimisticPlanner:
                 within the speed window around the robot's.
         """
         cars = self._sensed(observation)
-        if len(cars) + 1 != len(self._scene.vehicle):
+        if len(cars) + 1 != len(self._prediction.drivers):
             self._make_room(len(cars) + 1)
         bodies = np.empty((len(cars) + 1, 2))
         bodies[ROBOT] = self._robot.length, self._robot.width
         bodies[1:, 0], bodies[1:, 1] = observation.length[cars], observation.width[cars]
         self._plant_root(observation, cars, previous)
         nodes, expansions, best = search(
-            self._tree, self._scene, self._motion, bodies, self._prediction, self._actions, self._weights, self._table
+            self._tree, self._scene, bodies, self._prediction, self._actions, self._weights, self._table
         )
         path = _path_to(self._tree, best)
-        first = path[1]
+        first = self._tree.nodes[path[1]]
         return Plan(
-            action=int(self._tree.action[first]),
-            target=Target(int(self._tree.planned_lane[first]), float(self._tree.planned_speed[first])),
+            action=int(first["action"]),
+            target=Target(int(first["planned_lane"]), float(first["planned_speed"])),
             statistics=PlanStatistics(
                 expansions=expansions,
                 nodes=nodes,
-                depth=int(self._tree.depth[:nodes].max()),
-                best_value=float(self._tree.value[best]),
+                depth=int(self._tree.nodes["depth"][:nodes].max()),
+                best_value=float(self._tree.nodes[best]["value"]),
                 trajectory=self._trajectory(path, observation, cars),
             ),
         )
@@ -131,41 +144,36 @@ class OptimisticPlanner:
         return cars[np.argsort(observation.x[cars], kind="stable")]
 
     def _plant_root(self, observation: Observation, cars: np.ndarray, previous: Target) -> None:
-        tree, road, settings = self._tree, self._road, self._settings
+        road, settings = self._road, self._settings
         x, y, heading, speed = observation.robot
         planned_speed = min(max(previous.speed, speed - settings.speed_window), speed + settings.speed_window)
-        tree.parent[ROOT] = -1
-        tree.depth[ROOT] = 0
-        tree.value[ROOT] = 0.0
-        tree.planned_lane[ROOT] = min(max(previous.lane, 0), road.lane_count - 1)
-        tree.planned_speed[ROOT] = min(max(planned_speed, settings.speed_floor), settings.speed_high)
-        tree.heading[ROOT] = heading
-        tree.vehicle[ROOT] = np.arange(len(cars) + 1)
-        tree.position[ROOT] = np.concatenate(([0.0], observation.x[cars] - x))
-        tree.speed[ROOT] = np.concatenate(([speed], observation.speed[cars]))
-        tree.lateral[ROOT] = np.concatenate(([y], observation.y[cars]))
-        lowest, highest = outermost_lanes(noticed_lanes(float(y), self._prediction), road.lane_count)
+        root = self._tree.nodes[ROOT]
+        root["parent"], root["depth"], root["value"], root["heading"] = ROOT, 0, 0.0, heading
+        root["planned_lane"] = min(max(previous.lane, 0), road.lane_count - 1)
+        root["planned_speed"] = min(max(planned_speed, settings.speed_floor), settings.speed_high)
+        noticed = noticed_lanes(float(y), road.lane_count, road.lane_width, self._prediction.notice_reach)
+        lowest, highest = outermost_lanes(noticed or 1 << road.lane_at(y), road.lane_count)
         lane, second_lane = occupied_lanes(observation, cars, road)
-        tree.lane[ROOT] = np.concatenate(([lowest], lane))
-        tree.second_lane[ROOT] = np.concatenate(([highest], second_lane))
+        state, place = self._tree.state[ROOT], self._tree.place[ROOT]
+        state[POSITION, ROBOT], state[POSITION, 1:] = 0.0, observation.x[cars] - x
+        state[SPEED, ROBOT], state[SPEED, 1:] = speed, observation.speed[cars]
+        state[LATERAL, ROBOT], state[LATERAL, 1:] = y, observation.y[cars]
+        place[VEHICLE] = np.arange(len(cars) + 1)
+        place[LANE, ROBOT], place[LANE, 1:] = lowest, lane
+        place[SECOND_LANE, ROBOT], place[SECOND_LANE, 1:] = highest, second_lane
 
     def _trajectory(self, path: np.ndarray, observation: Observation, cars: np.ndarray) -> PredictedTrajectory:
-        tree = self._tree
-        # Nodes keep their vehicles nearly sorted by position; undo that.
-        order = np.argsort(tree.vehicle[path], axis=1)
-        position, speed, lateral = (
-            np.take_along_axis(values[path], order, axis=1).astype(np.float64)
-            for values in (tree.position, tree.speed, tree.lateral)
-        )
-        position += observation.robot[0]
+        nodes = self._tree.nodes[path]
+        # Nodes keep their vehicles nearly sorted by position: undo that.
+        order = np.argsort(self._tree.place[path, VEHICLE], axis=1)
+        state = np.take_along_axis(self._tree.state[path], order[:, np.newaxis], axis=2).astype(np.float64)
+        position, speed, lateral = state[:, POSITION] + observation.robot[0], state[:, SPEED], state[:, LATERAL]
         return PredictedTrajectory(
             time=self._settings.action_time * np.arange(len(path)),
-            action=tree.action[path[1:]].astype(np.int64),
-            robot=np.column_stack(
-                (position[:, ROOT], lateral[:, ROBOT], tree.heading[path], speed[:, ROBOT]),
-            ),
-            planned_lane=tree.planned_lane[path].astype(np.int64),
-            planned_speed=tree.planned_speed[path],
+            action=nodes["action"][1:],
+            robot=np.column_stack((position[:, ROBOT], lateral[:, ROBOT], nodes["heading"], speed[:, ROBOT])),
+            planned_lane=nodes["planned_lane"],
+            planned_speed=nodes["planned_speed"],
             vehicle=observation.vehicle[cars],
             x=position[:, 1:],
             y=lateral[:, 1:],
@@ -189,7 +197,7 @@ def occupied_lanes(observation: Observation, cars: np.ndarray, road: Road) -> tu
 def _path_to(tree: Tree, node: int) -> np.ndarray:
     path = [node]
     while path[-1] != ROOT:
-        path.append(int(tree.parent[path[-1]]))
+        path.append(int(tree.nodes[path[-1]]["parent"]))
     return np.array(path[::-1])
 
 

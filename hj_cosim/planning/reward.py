@@ -48,7 +48,7 @@ def reward_model(settings: PlannerSettings, road: Road) -> RewardModel:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def driving_reward(planned_speed: float, planned_lane: int, crashed: bool, weights: RewardModel) -> float:
     """Return R = r_speed + r_crash + r_lane of a planner state, the paper's reward without the HJI term."""
     speed = weights.speed_weight * (planned_speed - weights.speed_low) / (weights.speed_high - weights.speed_low)
@@ -56,20 +56,23 @@ def driving_reward(planned_speed: float, planned_lane: int, crashed: bool, weigh
     return speed + lane - (weights.crash_weight if crashed else 0.0)
 
 
-@njit(cache=True)
-def total_reward(driving: float, worst_value: float, weights: RewardModel) -> float:
+@njit(cache=True, error_model="numpy")
+def total_reward(
+    planned_speed: float, planned_lane: int, crashed: bool, worst_value: float, weights: RewardModel
+) -> float:
     """Return γ_R R + (1 − γ_R) clip(min_j V, ±c), mapped to [0, 1].
 
     The two are added as they are, R without a unit and V in metres; only their sum is mapped. Normalised one by
     one, a single lane would be worth more than the whole range of V.
 
     Args:
-        driving: R.
+        planned_speed: v_p, m/s.
+        planned_lane: l_p.
+        crashed: whether the robot is in collision.
         worst_value: the least V over the cars, m; not looked at where γ_R is 1.
         weights: the reward's.
     """
-    total = weights.gamma_r * driving
+    total = weights.gamma_r * driving_reward(planned_speed, planned_lane, crashed, weights)
     if weights.gamma_r < 1.0:
-        clipped = min(max(worst_value, -weights.value_clip), weights.value_clip)
-        total += (1.0 - weights.gamma_r) * clipped
+        total += (1.0 - weights.gamma_r) * min(max(worst_value, -weights.value_clip), weights.value_clip)
     return (total - weights.lowest) / weights.span

@@ -6,8 +6,8 @@ the way to it plus γ^d / (1 − γ); those rewards alone are its lower bound. E
 highest upper bound and adds a child for each action. The answer is the first action on the way to the node of the
 highest lower bound.
 
-A tree of n expansions has at most 5 n + 1 nodes, each of 58 + 16 (J + 1) bytes for J cars; all are allocated before the
-search begins, and nothing is allocated in it.
+A tree of n expansions has at most 5 n + 1 nodes, each of 64 + 18 (J + 1) bytes for J cars; all are allocated before
+the search begins, and nothing is allocated in it.
 """
 
 import math
@@ -17,29 +17,49 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.planning.prediction import (
-    CENTRED,
-    Motion,
+    BRANCH,
+    LANE,
+    LATERAL,
+    LENGTH,
+    POSITION,
+    SECOND_LANE,
+    SPEED,
+    VEHICLE,
+    WIDTH,
     PredictionModel,
     Scene,
     approach,
     change_lanes,
+    drive_cars,
     drive_robot,
-    drive_without_robot,
     find_leaders,
-    react_to_robot,
     robot_crashes,
-    sort_scene,
+    sort_by_position,
 )
-from hj_cosim.planning.reward import RewardModel, driving_reward, total_reward
+from hj_cosim.planning.reward import RewardModel, total_reward
 from hj_cosim.reachability.lookup import TableArrays, value_at
 
 IDLE, FASTER, SLOWER, LEFT, RIGHT = range(5)
 ACTION_COUNT = 5
+LANE_CHANGE = (0, 0, 0, 1, -1)
+SPEED_CHANGE = (0, 1, -1, 0, 0)  # in steps of the planned speed
 ROOT = 0
+
+NODE = np.dtype(
+    [
+        ("parent", np.int64),
+        ("action", np.int64),  # that led to it
+        ("depth", np.int64),
+        ("planned_lane", np.int64),  # l_p
+        ("planned_speed", np.float64),  # v_p, m/s
+        ("heading", np.float64),  # the robot's, rad
+        ("value", np.float64),  # the lower bound: the discounted rewards on the way to it
+    ]
+)
 
 
 class ActionModel(NamedTuple):
-    """What the robot's actions change, and what ends with them."""
+    """What the robot's actions change, and how many nodes may be expanded to choose one."""
 
     discount: float  # γ
     speed_step: float  # m/s
@@ -49,52 +69,31 @@ class ActionModel(NamedTuple):
 
 
 class Tree(NamedTuple):
-    """The nodes of a search, N of them, and its frontier, a binary heap. Node 0 is the root."""
+    """The nodes of a search, N of them, and its frontier. Node 0 is the root."""
 
-    parent: np.ndarray  # (N,) int32
-    action: np.ndarray  # (N,) int8, that led to it
-    depth: np.ndarray  # (N,) int32
-    value: np.ndarray  # (N,) lower bound: the discounted rewards on the way to it
-    planned_lane: np.ndarray  # (N,) int32, l_p
-    planned_speed: np.ndarray  # (N,) v_p, m/s
-    heading: np.ndarray  # (N,) of the robot, rad
-    vehicle: np.ndarray  # (N, M) int16; this and the following as in Scene, nearly sorted by position
-    position: np.ndarray  # (N, M) float32, m ahead of the robot's position at the root
-    speed: np.ndarray  # (N, M) float32, m/s
-    lateral: np.ndarray  # (N, M) float32, m
-    lane: np.ndarray  # (N, M) int8
-    second_lane: np.ndarray  # (N, M) int8
+    nodes: np.ndarray  # (N,) NODE
+    state: np.ndarray  # (N, 3, M) float32, rows POSITION (m ahead of the robot at the root), SPEED, LATERAL
+    place: np.ndarray  # (N, 3, M) int16, rows VEHICLE, LANE, SECOND_LANE; columns nearly sorted by position
     bound: np.ndarray  # (N,) upper bounds of the leaves, a binary heap with the highest first
-    leaf: np.ndarray  # (N,) int32, the leaves that they belong to
+    leaf: np.ndarray  # (N,) int64, the leaves that they belong to
 
 
 def empty_tree(expansions: int, vehicles: int) -> Tree:
     """Return a tree with room for a search of `expansions` over `vehicles`, the robot included."""
     nodes = ACTION_COUNT * expansions + 1
     return Tree(
-        parent=np.zeros(nodes, np.int32),
-        action=np.zeros(nodes, np.int8),
-        depth=np.zeros(nodes, np.int32),
-        value=np.zeros(nodes),
-        planned_lane=np.zeros(nodes, np.int32),
-        planned_speed=np.zeros(nodes),
-        heading=np.zeros(nodes),
-        vehicle=np.zeros((nodes, vehicles), np.int16),
-        position=np.zeros((nodes, vehicles), np.float32),
-        speed=np.zeros((nodes, vehicles), np.float32),
-        lateral=np.zeros((nodes, vehicles), np.float32),
-        lane=np.zeros((nodes, vehicles), np.int8),
-        second_lane=np.zeros((nodes, vehicles), np.int8),
+        nodes=np.zeros(nodes, NODE),
+        state=np.zeros((nodes, 3, vehicles), np.float32),
+        place=np.zeros((nodes, 3, vehicles), np.int16),
         bound=np.zeros(nodes),
-        leaf=np.zeros(nodes, np.int32),
+        leaf=np.zeros(nodes, np.int64),
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def search(
     tree: Tree,
     scene: Scene,
-    motion: Motion,
     bodies: np.ndarray,
     prediction: PredictionModel,
     actions: ActionModel,
@@ -105,7 +104,7 @@ def search(
 
     Args:
         tree: whose node 0 is the root; the rest is overwritten.
-        scene, motion: work space for M vehicles.
+        scene: work space for M vehicles.
         bodies: (M, 2) length and width of each vehicle by its number, m.
         prediction, actions, weights, table: the models.
 
@@ -113,205 +112,163 @@ def search(
         The number of nodes, the number of expansions, and the node of the highest lower bound (the earliest of
         several).
     """
-    nodes, expansions, best = 1, 0, ROOT
-    leaves = push_leaf(tree, 0, ROOT, 1.0 / (1.0 - actions.discount))
+    nodes = tree.nodes
+    count, expansions, best = 1, 0, ROOT
+    leaves = push_leaf(tree.bound, tree.leaf, nodes, 0, ROOT, 1.0 / (1.0 - actions.discount))
     while leaves > 0 and expansions < actions.expansions:
         node = tree.leaf[0]
-        leaves = pop_leaf(tree, leaves)
-        robot = open_scene(tree, node, scene, bodies)
-        change_lanes(scene, robot, prediction)
-        find_leaders(scene, robot, motion)
-        drive_without_robot(scene, robot, motion, prediction)
+        leaves = pop_leaf(tree.bound, tree.leaf, nodes, leaves)
+        robot = open_scene(tree.state[node], tree.place[node], scene.state, scene.place, bodies)
+        change_lanes(scene.state, scene.place, robot, prediction)
+        find_leaders(scene.place, robot, scene.nearest)
+        drive_cars(scene, robot, 0, prediction)
         expansions += 1
-        weight = actions.discount ** tree.depth[node]
+        weight = actions.discount ** nodes[node].depth
         for action in range(ACTION_COUNT):
-            if not action_exists(tree, node, action, actions, prediction.lane_count):
+            lane = nodes[node].planned_lane + LANE_CHANGE[action]
+            speed = nodes[node].planned_speed + SPEED_CHANGE[action] * actions.speed_step
+            if not (0 <= lane < prediction.lane_count and actions.speed_floor <= speed <= actions.speed_high):
                 continue
-            child = nodes
-            nodes += 1
-            crashed = add_child(tree, node, child, action, scene, robot, motion, prediction, actions)
-            driving = driving_reward(tree.planned_speed[child], tree.planned_lane[child], crashed, weights)
+            occupied, heading = drive_robot(scene, robot, lane, speed, prediction)
+            drive_cars(scene, robot, occupied, prediction)
+            crashed = robot_crashes(scene, robot, prediction)
+            close_scene(tree.state[count], tree.place[count], scene, robot, prediction)
             worst = math.inf
             if weights.gamma_r < 1.0:
-                worst = worst_value(tree, child, robot, table, weights.value_clip)
-            tree.value[child] = tree.value[node] + weight * total_reward(driving, worst, weights)
-            if tree.value[child] > tree.value[best] or best == ROOT:
-                best = child
+                worst = worst_value(tree.state[count], robot, heading, table, weights.value_clip)
+            reward = total_reward(speed, lane, crashed, worst, weights)
+            child = nodes[count]
+            child.parent = node
+            child.action = action
+            child.depth = nodes[node].depth + 1
+            child.planned_lane = lane
+            child.planned_speed = speed
+            child.heading = heading
+            child.value = nodes[node].value + weight * reward
+            if best == ROOT or child.value > nodes[best].value:
+                best = count
             if not crashed:
-                bound = tree.value[child] + weight * actions.discount / (1.0 - actions.discount)
-                leaves = push_leaf(tree, leaves, child, bound)
-    return nodes, expansions, best
+                bound = child.value + weight * actions.discount / (1.0 - actions.discount)
+                leaves = push_leaf(tree.bound, tree.leaf, nodes, leaves, count, bound)
+            count += 1
+    return count, expansions, best
 
 
-@njit(cache=True)
-def action_exists(tree: Tree, node: int, action: int, actions: ActionModel, lane_count: int) -> bool:
-    """Return whether an action stays on the road and within the speed limits."""
-    if action == FASTER:
-        return tree.planned_speed[node] + actions.speed_step <= actions.speed_high
-    if action == SLOWER:
-        return tree.planned_speed[node] - actions.speed_step >= actions.speed_floor
-    if action == LEFT:
-        return tree.planned_lane[node] + 1 < lane_count
-    if action == RIGHT:
-        return tree.planned_lane[node] > 0
-    return True
+@njit(cache=True, error_model="numpy")
+def open_scene(
+    node_state: np.ndarray, node_place: np.ndarray, state: np.ndarray, place: np.ndarray, bodies: np.ndarray
+) -> int:
+    """Lay a node's vehicles out in a scene, sorted by position, and return the robot's column."""
+    for column in range(state.shape[1]):
+        vehicle = node_place[VEHICLE, column]
+        place[VEHICLE, column] = vehicle
+        place[LANE, column] = node_place[LANE, column]
+        place[SECOND_LANE, column] = node_place[SECOND_LANE, column]
+        state[POSITION, column] = node_state[POSITION, column]
+        state[SPEED, column] = node_state[SPEED, column]
+        state[LATERAL, column] = node_state[LATERAL, column]
+        state[LENGTH, column] = bodies[vehicle, 0]
+        state[WIDTH, column] = bodies[vehicle, 1]
+    return sort_by_position(state, place)
 
 
-@njit(cache=True)
-def open_scene(tree: Tree, node: int, scene: Scene, bodies: np.ndarray) -> int:
-    """Lay a node's vehicles out in `scene`, sorted by position, and return the robot's place."""
-    for place in range(len(scene.vehicle)):
-        vehicle = tree.vehicle[node, place]
-        scene.vehicle[place] = vehicle
-        scene.position[place] = tree.position[node, place]
-        scene.speed[place] = tree.speed[node, place]
-        scene.lateral[place] = tree.lateral[node, place]
-        scene.lane[place] = tree.lane[node, place]
-        scene.second_lane[place] = tree.second_lane[node, place]
-        scene.length[place] = bodies[vehicle, 0]
-        scene.width[place] = bodies[vehicle, 1]
-    return sort_scene(scene)
-
-
-@njit(cache=True)
-def add_child(
-    tree: Tree,
-    node: int,
-    child: int,
-    action: int,
-    scene: Scene,
-    robot: int,
-    motion: Motion,
-    prediction: PredictionModel,
-    actions: ActionModel,
-) -> bool:
-    """Predict the robot's `action` from `node`, write the state it leads to, and return whether the robot crashes."""
-    lane, speed = tree.planned_lane[node], tree.planned_speed[node]
-    if action == FASTER:
-        speed += actions.speed_step
-    elif action == SLOWER:
-        speed -= actions.speed_step
-    elif action == LEFT:
-        lane += 1
-    elif action == RIGHT:
-        lane -= 1
-    tree.parent[child] = node
-    tree.action[child] = action
-    tree.depth[child] = tree.depth[node] + 1
-    tree.planned_lane[child] = lane
-    tree.planned_speed[child] = speed
-    tree.heading[child] = drive_robot(scene, robot, lane, speed, motion, prediction)
-    react_to_robot(scene, robot, motion, prediction)
-    close_scene(tree, child, scene, robot, motion, prediction)
-    return robot_crashes(scene, robot, motion, prediction)
-
-
-@njit(cache=True)
-def close_scene(tree: Tree, child: int, scene: Scene, robot: int, motion: Motion, prediction: PredictionModel) -> None:
+@njit(cache=True, error_model="numpy")
+def close_scene(
+    node_state: np.ndarray, node_place: np.ndarray, scene: Scene, robot: int, prediction: PredictionModel
+) -> None:
     """Write the vehicles at the end of the predicted motion into a node, in the order of the scene."""
-    last = prediction.steps
+    state, place, last = scene.state, scene.place, prediction.steps
     moved = prediction.others_lateral_speed * prediction.step * last
-    for place in range(len(scene.vehicle)):
-        tree.vehicle[child, place] = scene.vehicle[place]
-        if place == robot:
-            continue
-        branch = motion.branch[place]
-        centre = scene.lane[place] * prediction.lane_width
-        lateral = approach(scene.lateral[place], centre, moved)
-        arrived = abs(lateral - centre) < CENTRED
-        tree.position[child, place] = motion.position[branch, place, last]
-        tree.speed[child, place] = motion.speed[branch, place, last]
-        tree.lateral[child, place] = lateral
-        tree.lane[child, place] = scene.lane[place]
-        tree.second_lane[child, place] = scene.lane[place] if arrived else scene.second_lane[place]
-    tree.position[child, robot] = motion.robot_position[last]
-    tree.speed[child, robot] = motion.robot_speed[last]
-    tree.lateral[child, robot] = motion.robot_lateral[last]
-    lowest, highest = outermost_lanes(motion.robot_lanes[last], prediction.lane_count)
-    tree.lane[child, robot] = lowest
-    tree.second_lane[child, robot] = highest
+    for car in range(state.shape[1]):
+        lane = place[LANE, car]
+        centre = lane * prediction.lane_width
+        lateral = approach(state[LATERAL, car], centre, moved)
+        node_place[VEHICLE, car] = place[VEHICLE, car]
+        node_place[LANE, car] = lane
+        node_place[SECOND_LANE, car] = lane if lateral == centre else place[SECOND_LANE, car]
+        node_state[POSITION, car] = scene.motion[place[BRANCH, car], POSITION, car, last]
+        node_state[SPEED, car] = scene.motion[place[BRANCH, car], SPEED, car, last]
+        node_state[LATERAL, car] = lateral
+    lowest, highest = outermost_lanes(scene.robot_lanes[last], prediction.lane_count)
+    node_place[LANE, robot] = lowest
+    node_place[SECOND_LANE, robot] = highest
+    node_state[POSITION, robot] = scene.robot_motion[POSITION, last]
+    node_state[SPEED, robot] = scene.robot_motion[SPEED, last]
+    node_state[LATERAL, robot] = scene.robot_motion[LATERAL, last]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def outermost_lanes(lanes: int, lane_count: int) -> tuple[int, int]:
-    """Return the lowest and the highest lane of a bit set."""
+    """Return the lowest and the highest lane of a bit set that is not empty."""
     lowest, highest = lane_count - 1, 0
     for lane in range(lane_count):
         if lanes & (1 << lane):
             lowest, highest = min(lowest, lane), max(highest, lane)
-    return min(lowest, highest), highest
+    return lowest, highest
 
 
-@njit(cache=True)
-def worst_value(tree: Tree, node: int, robot: int, table: TableArrays, clip: float) -> float:
+@njit(cache=True, error_model="numpy")
+def worst_value(state: np.ndarray, robot: int, heading: float, table: TableArrays, clip: float) -> float:
     """Return min_j V at a node's relative states, m; +inf where no car is within the table's grid.
 
     Stops at −clip: nothing below it changes the reward.
     """
     worst = math.inf
-    x, y, speed = tree.position[node, robot], tree.lateral[node, robot], tree.speed[node, robot]
-    heading = tree.heading[node]
-    for place in range(tree.position.shape[1]):
-        if place == robot:
-            continue
-        value = value_at(
-            table,
-            float(x - tree.position[node, place]),
-            float(y - tree.lateral[node, place]),
-            heading,
-            float(speed),
-            float(tree.speed[node, place]),
-        )
-        worst = min(worst, value)
-        if worst <= -clip:
-            return worst
+    for car in range(state.shape[1]):
+        if car != robot:
+            value = value_at(
+                table,
+                float(state[POSITION, robot] - state[POSITION, car]),
+                float(state[LATERAL, robot] - state[LATERAL, car]),
+                heading,
+                float(state[SPEED, robot]),
+                float(state[SPEED, car]),
+            )
+            worst = min(worst, value)
+            if worst <= -clip:
+                break
     return worst
 
 
-@njit(cache=True)
-def comes_first(tree: Tree, bound: float, node: int, other_bound: float, other: int) -> bool:
+@njit(cache=True, error_model="numpy")
+def comes_first(bound: float, node: int, other_bound: float, other: int, nodes: np.ndarray) -> bool:
     """Return whether a leaf is expanded before another: the higher bound, then the shallower, then the older."""
     if bound != other_bound:
         return bound > other_bound
-    if tree.depth[node] != tree.depth[other]:
-        return tree.depth[node] < tree.depth[other]
+    if nodes[node].depth != nodes[other].depth:
+        return nodes[node].depth < nodes[other].depth
     return node < other
 
 
-@njit(cache=True)
-def push_leaf(tree: Tree, leaves: int, node: int, bound: float) -> int:
+@njit(cache=True, error_model="numpy")
+def push_leaf(bounds: np.ndarray, heap: np.ndarray, nodes: np.ndarray, leaves: int, node: int, bound: float) -> int:
     """Put a leaf on the frontier, a heap of `leaves`, and return how many it now has."""
     place = leaves
     while place > 0:
         above = (place - 1) // 2
-        if not comes_first(tree, bound, node, tree.bound[above], tree.leaf[above]):
+        if not comes_first(bound, node, bounds[above], heap[above], nodes):
             break
-        tree.bound[place] = tree.bound[above]
-        tree.leaf[place] = tree.leaf[above]
+        bounds[place], heap[place] = bounds[above], heap[above]
         place = above
-    tree.bound[place] = bound
-    tree.leaf[place] = node
+    bounds[place], heap[place] = bound, node
     return leaves + 1
 
 
-@njit(cache=True)
-def pop_leaf(tree: Tree, leaves: int) -> int:
+@njit(cache=True, error_model="numpy")
+def pop_leaf(bounds: np.ndarray, heap: np.ndarray, nodes: np.ndarray, leaves: int) -> int:
     """Take the first leaf off the frontier, a heap of `leaves`, and return how many are left."""
     last = leaves - 1
-    bound, node = tree.bound[last], tree.leaf[last]
+    bound, node = bounds[last], heap[last]
     place = 0
     while True:
         below = 2 * place + 1
         if below >= last:
             break
-        right = below + 1
-        if right < last and comes_first(tree, tree.bound[right], tree.leaf[right], tree.bound[below], tree.leaf[below]):
-            below = right
-        if not comes_first(tree, tree.bound[below], tree.leaf[below], bound, node):
+        if below + 1 < last and comes_first(bounds[below + 1], heap[below + 1], bounds[below], heap[below], nodes):
+            below += 1
+        if not comes_first(bounds[below], heap[below], bound, node, nodes):
             break
-        tree.bound[place] = tree.bound[below]
-        tree.leaf[place] = tree.leaf[below]
+        bounds[place], heap[place] = bounds[below], heap[below]
         place = below
-    tree.bound[place] = bound
-    tree.leaf[place] = node
+    bounds[place], heap[place] = bound, node
     return last
