@@ -175,17 +175,32 @@ def read_run(folder: Path) -> Run:
     Raises:
         RunFolderError: if the folder or one of its files is missing or broken.
     """
-    if not folder.is_dir():
-        raise RunFolderError(f"{folder} is not a folder; give the folder that a run wrote")
+    config = read_config(folder)
     try:
-        config = tomllib.loads((folder / CONFIG).read_text(encoding="utf-8"))
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        record = _read_record(pq.ParquetFile(folder / TRAJECTORIES), pq.ParquetFile(folder / ROBOT).read())
+        with pq.ParquetFile(folder / TRAJECTORIES) as trajectories, pq.ParquetFile(folder / ROBOT) as robot:
+            record = _read_record(trajectories, robot.read())
     except FileNotFoundError as error:
         raise RunFolderError(f"{folder} holds no complete run: {error.filename} is missing") from error
     except (OSError, ValueError, KeyError, IndexError) as error:  # pyarrow's and json's errors are among these
         raise RunFolderError(f"{folder} holds no readable run: {error}") from error
     return Run(folder, config, summary, record)
+
+
+def read_config(folder: Path) -> dict[str, Any]:
+    """Return the content of a run's config.toml.
+
+    Raises:
+        RunFolderError: if it is missing or broken.
+    """
+    if not folder.is_dir():
+        raise RunFolderError(f"{folder} is not a folder; give the folder that a run wrote")
+    try:
+        return tomllib.loads((folder / CONFIG).read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise RunFolderError(f"{folder} holds no run: {CONFIG} is missing") from error
+    except (OSError, ValueError) as error:
+        raise RunFolderError(f"{folder} holds no readable run: {CONFIG}: {error}") from error
 
 
 def road_of(schema: pa.Schema) -> Road:

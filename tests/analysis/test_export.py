@@ -1,0 +1,72 @@
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+import sumolib.xml
+
+from hj_cosim.analysis import run_folder
+from hj_cosim.analysis.export import export_run
+from hj_cosim.analysis.run_folder import write_run
+from hj_cosim.errors import OutputError, RunFolderError
+from hj_cosim.vehicles.road import Road
+
+CONFIG = '[scenario.network]\nedge = "high & way"\n'
+
+
+@pytest.fixture
+def run(tmp_path, make_record, monkeypatch):
+    """Return the folder of a run on a turned road, in many row groups."""
+    monkeypatch.setattr(run_folder, "ROWS_PER_GROUP", 100)
+    road = Road(lane_count=4, origin_x=30.0, origin_y=-14.0, heading=0.25)
+    write_run(tmp_path / "run", make_record(samples=90, road=road), CONFIG, {})
+    return tmp_path / "run"
+
+
+def trajectories(folder) -> pd.DataFrame:
+    table = pd.read_parquet(folder / "trajectories.parquet")
+    return table.assign(vehicle=table.vehicle.astype("str"))
+
+
+def test_csv_reads_back_with_every_car_step_and_value(run):
+    types = {"lane": "int8", "length": float, "width": float}
+    written = pd.read_csv(export_run(run, "csv"), dtype=types)
+    pd.testing.assert_frame_equal(written, trajectories(run), rtol=1e-15, atol=0.0)
+
+
+def test_parquet_reads_back_with_plain_names(run, tmp_path):
+    written = pd.read_parquet(export_run(run, "parquet", tmp_path / "plain.parquet"))
+    assert not isinstance(written.vehicle.dtype, pd.CategoricalDtype)
+    pd.testing.assert_frame_equal(written.assign(vehicle=written.vehicle.astype("str")), trajectories(run))
+
+
+def test_fcd_reads_back_with_sumo_s_own_reader(run):
+    path = export_run(run, "fcd")
+    rows = [
+        (float(step.time), car.id, *(float(getattr(car, key)) for key in ("x", "y", "angle", "speed", "pos")), car.lane)
+        for step in sumolib.xml.parse(str(path), "timestep")
+        for car in step.vehicle
+    ]
+    written = pd.DataFrame(rows, columns=["time", "vehicle", "x", "y", "angle", "speed", "pos", "lane"])
+    expected = trajectories(run)
+
+    np.testing.assert_allclose(written.time, expected.time, atol=1e-9)
+    assert written.vehicle.tolist() == expected.vehicle.tolist()
+    np.testing.assert_array_equal(written.speed, expected.speed)
+    assert written.lane.tolist() == [f"high & way_{lane}" for lane in expected.lane]
+    # The road starts at (30, −14) and is turned by 0.25: back from the front bumper to the centre in the road's frame.
+    heading = np.radians(90.0 - written.angle) - 0.25
+    dx, dy = written.x - 30.0, written.y + 14.0
+    along = dx * math.cos(0.25) + dy * math.sin(0.25)
+    aside = -dx * math.sin(0.25) + dy * math.cos(0.25)
+    np.testing.assert_allclose(np.arctan2(np.sin(heading), np.cos(heading)), expected.heading, atol=1e-12)
+    np.testing.assert_allclose(along - 2.5 * np.cos(heading), expected.x, atol=1e-9)
+    np.testing.assert_allclose(aside - 2.5 * np.sin(heading), expected.y, atol=1e-9)
+    np.testing.assert_allclose(written.pos, along, atol=1e-9)
+
+
+def test_what_cannot_be_exported_is_named(run, tmp_path):
+    with pytest.raises(OutputError, match="choose one of csv, parquet, fcd"):
+        export_run(run, "xlsx")
+    with pytest.raises(RunFolderError, match="holds no run"):
+        export_run(tmp_path, "csv")
