@@ -1,0 +1,184 @@
+"""What a differential game is made of, and where the games live.
+
+A game is a `Dynamics`: five small jitted functions and a few facts. Each function works on a line of n states at once,
+`x` of shape (dimension, n), because the solver calls it once per line of grid nodes, so that the call costs nothing
+and the loop inside runs in SIMD. In the solver the states of a line differ in the coordinate `line_axis` only:
+whatever depends on the others may be computed once, from `x[:, 0]`. Everything is float32 there.
+
+    target(x, c, out)                              V(0, x): out (n,)
+    flow(x, u, d, c, out)                          dx/dt: u (controls, n), d (disturbances, n), out (dimension, n)
+    hamiltonian(x, p, c, limits, out)              max_u min_d p·f, p (dimension, n): out (n,)
+    dissipation(x, c, out)                         bounds on |∂H/∂p_i|: out (dimension, n)
+    optimal_inputs(x, p, c, limits, u, d)          the inputs that attain the Hamiltonian, into u and d
+
+`c` holds the parameters in the order in which the dynamics declares them, `limits` the least and greatest state,
+shape (2, dimension): at a limit an input that would cross it is not available; ±inf means no limit.
+"""
+
+import hashlib
+import importlib.util
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numba import cfunc, njit, types
+
+from hj_cosim.config import Boundary
+from hj_cosim.errors import ConfigurationError
+
+Outside = Literal["safe", "clamp"]
+LineFunction = Callable[..., None]
+
+VECTOR = types.Array(types.float32, 1, "C")
+MATRIX = types.Array(types.float32, 2, "C")
+TARGET = types.void(MATRIX, VECTOR, VECTOR)
+HAMILTONIAN = types.void(MATRIX, MATRIX, VECTOR, MATRIX, VECTOR)
+DISSIPATION = types.void(MATRIX, VECTOR, MATRIX)
+
+# What the compiler may do with floating point: fuse and approximate divisions, but never assume that there are no
+# NaNs. With that assumption min(0, NaN) is 0, and a solve that went wrong returns V0 and looks plausible.
+FLOATING_POINT = {"contract", "arcp", "nsz"}
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """A pursuit-evasion game: controls maximise, disturbances minimise the value (paper, eq. HJI optimal control)."""
+
+    name: str
+    state: tuple[str, ...]
+    controls: tuple[str, ...]
+    disturbances: tuple[str, ...]
+    parameters: Mapping[str, float]  # every parameter with its default
+    target: LineFunction
+    flow: LineFunction
+    hamiltonian: LineFunction
+    dissipation: LineFunction
+    optimal_inputs: LineFunction
+    boundary: tuple[Boundary, ...]  # what the solver assumes beyond the faces unless the specification says so
+    outside: tuple[Outside, ...]  # what a look-up beyond the faces means: safe (V = +inf), or clamped to the face
+    limited: tuple[bool, ...]  # axes on which inputs could leave the grid and are kept from it
+    line_axis: int  # the axis along which the solver's lines run: best the longest that enters the functions least
+    mirrored_axes: tuple[int, ...] = ()  # V is unchanged when these coordinates are negated together
+    fingerprint: str = ""  # of the source, so that a table knows when its dynamics changed
+
+    @property
+    def dimension(self) -> int:
+        """Number of state variables."""
+        return len(self.state)
+
+    def parameter_values(self, overrides: Mapping[str, float], source: str) -> np.ndarray:
+        """Return the parameters as the functions take them, (len(parameters),) float32.
+
+        Raises:
+            ConfigurationError: if `overrides` names one that does not exist.
+        """
+        for key in overrides:
+            if key not in self.parameters:
+                raise ConfigurationError(
+                    f"{source}: parameters.{key}: {self.name} has no such parameter; it has {', '.join(self.parameters)}"
+                )
+        return np.array([overrides.get(key, default) for key, default in self.parameters.items()], np.float32)
+
+    def target_values(self, states: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """Return V(0, ·), (n,), at `states` (n, dimension)."""
+        out = np.empty(len(states), np.float32)
+        self.target(_as_line(states), parameters, out)
+        return out
+
+    def hamiltonian_values(
+        self, states: np.ndarray, gradients: np.ndarray, parameters: np.ndarray, limits: np.ndarray
+    ) -> np.ndarray:
+        """Return H, (n,), at any `states` (n, dimension) with `gradients` (n, dimension)."""
+        out = np.empty(len(states), np.float32)
+        for row in range(len(states)):  # one state is a line of its own: see the module's docstring
+            here = slice(row, row + 1)
+            self.hamiltonian(_as_line(states[here]), _as_line(gradients[here]), parameters, limits, out[here])
+        return out
+
+    def optimal(
+        self, states: np.ndarray, gradients: np.ndarray, parameters: np.ndarray, limits: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the optimal controls (n, controls) and disturbances (n, disturbances)."""
+        u = np.empty((len(self.controls), len(states)), np.float32)
+        d = np.empty((len(self.disturbances), len(states)), np.float32)
+        self.optimal_inputs(_as_line(states), _as_line(gradients), parameters, limits, u, d)
+        return u.T, d.T
+
+    def state_derivative(
+        self, states: np.ndarray, controls: np.ndarray, disturbances: np.ndarray, parameters: np.ndarray
+    ) -> np.ndarray:
+        """Return dx/dt, (n, dimension)."""
+        out = np.empty((self.dimension, len(states)), np.float32)
+        self.flow(_as_line(states), _as_line(controls), _as_line(disturbances), parameters, out)
+        return out.T
+
+
+def _as_line(rows: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(np.asarray(rows, np.float32).T)
+
+
+def line_function(function: LineFunction) -> LineFunction:
+    """Compile a function over lines of states; the decorator of a dynamics' five functions.
+
+    The solver makes a C function of the same source (see `pointer`), so that one compiled kernel serves all games.
+    """
+    return njit(cache=True, fastmath=FLOATING_POINT, error_model="numpy")(function)
+
+
+def pointer(function: LineFunction, signature: Any) -> Any:
+    """Return a line function as a C function that the kernel can be given."""
+    source = getattr(function, "py_func", function)
+    return cfunc(signature, cache=True, fastmath=FLOATING_POINT, error_model="numpy")(source)
+
+
+@cache
+def registered_dynamics() -> Mapping[str, Dynamics]:
+    """Return the games that come with the package, by name."""
+    # Imported here: a game's module imports this one.
+    from hj_cosim.reachability.systems import air3d, double_integrator, highway
+
+    modules = (highway, air3d, double_integrator)
+    return {module.dynamics.name: _fingerprinted(module.dynamics, Path(module.__file__)) for module in modules}
+
+
+def find_dynamics(name: str, folder: Path | None = None) -> Dynamics:
+    """Return the game that a specification names: a registered one, or a Python file with a `dynamics` in it.
+
+    Args:
+        name: a registered name, or a path to a .py file.
+        folder: what a relative path starts from, the specification's folder; else the current folder.
+
+    Raises:
+        ConfigurationError: if there is no such game, or the file does not define one.
+    """
+    if not name.endswith(".py"):
+        known = registered_dynamics()
+        if name not in known:
+            raise ConfigurationError(
+                f"dynamics = {name!r}: choose one of {', '.join(known)}, or give a path to a .py file"
+            )
+        return known[name]
+    path = ((folder or Path()) / Path(name).expanduser()).resolve()
+    if not path.is_file():
+        raise ConfigurationError(f"dynamics = {name!r}: there is no file {path}")
+    specification = importlib.util.spec_from_file_location(f"hj_cosim_dynamics_{path.stem}", path)
+    if specification is None or specification.loader is None:
+        raise ConfigurationError(f"dynamics = {name!r}: {path} cannot be imported as Python")
+    module = importlib.util.module_from_spec(specification)
+    try:
+        specification.loader.exec_module(module)
+    except (SyntaxError, ImportError, NameError, AttributeError, TypeError, ValueError) as error:
+        raise ConfigurationError(f"dynamics = {name!r}: {path} fails on import: {error}") from error
+    dynamics = getattr(module, "dynamics", None)
+    if not isinstance(dynamics, Dynamics):
+        raise ConfigurationError(f"dynamics = {name!r}: {path} must define `dynamics`, a Dynamics")
+    return _fingerprinted(dynamics, path)
+
+
+def _fingerprinted(dynamics: Dynamics, source: Path) -> Dynamics:
+    from dataclasses import replace
+
+    return replace(dynamics, fingerprint=hashlib.sha256(source.read_bytes()).hexdigest())

@@ -1,0 +1,154 @@
+"""The paper's game: the robot and one other car on a highway (paper, eq. case study relative dynamics).
+
+    x = (p_x, p_y, θ, v_r, v_o), positions robot − other, θ the robot's heading
+    dp_x = v_r cos θ − v_o cos θ_o,  dp_y = v_r sin θ − v_o sin θ_o,  dθ = ω_r,  dv_r = a_r,  dv_o = a_o
+
+The robot chooses (ω_r, a_r) to maximise, the other car (θ_o, a_o) to minimise the value.
+"""
+
+import math
+
+import numpy as np
+
+from hj_cosim.reachability.dynamics import Dynamics, line_function
+from hj_cosim.vehicles.rss import lateral_distance, longitudinal_distance
+
+# The order in which the functions below unpack them.
+PARAMETERS = {
+    "omega_max": 0.3,  # rad/s, |ω_r| <= this
+    "acceleration_min": -6.0,  # m/s², of the robot
+    "acceleration_max": 4.0,
+    "other_heading_max": 0.1,  # rad, |θ_o| <= this
+    "other_acceleration_min": -6.0,  # m/s²
+    "other_acceleration_max": 4.0,
+    "length": 5.0,  # m, mean of both bodies
+    "width": 2.0,
+    "response_time": 0.3,  # s, ρ of RSS; the rest of RSS's parameters follow
+    "acceleration": 3.0,
+    "brake_min": 6.0,
+    "brake_max": 6.0,
+    "lateral_acceleration": 0.2,
+    "lateral_brake": 0.8,
+    "lateral_margin": 0.1,
+}
+
+
+@line_function
+def target(x, c, out):  # type: ignore[no-untyped-def]
+    """V(0, x) = max(|p_x| − d_long, 4 (|p_y| − d_lat)³), distances between bumpers (paper, eq. case study V0).
+
+    The rear car is the one with the smaller p_x. d_lat counts the robot's lateral speed v_r sin θ towards the other
+    car, and none of the other car's own.
+    """
+    length, width, response, acceleration, brake_min, brake_max = c[6], c[7], c[8], c[9], c[10], c[11]
+    lateral_acceleration, lateral_brake, margin = c[12], c[13], c[14]
+    for i in range(out.shape[0]):
+        rear, front = (x[4, i], x[3, i]) if x[0, i] > 0.0 else (x[3, i], x[4, i])
+        longitudinal = longitudinal_distance(rear, front, response, acceleration, brake_min, brake_max)
+        # The robot on the left, p_y > 0, approaches the other car by moving to the right; straight ahead of it or
+        # behind, either way counts as approaching. The other car counts with no lateral speed.
+        leftwards = x[3, i] * math.sin(x[2, i])
+        towards = abs(leftwards) if x[1, i] == 0.0 else -math.copysign(leftwards, leftwards * x[1, i])
+        lateral = lateral_distance(
+            towards, 0.0, response, lateral_acceleration, lateral_brake,
+            response, lateral_acceleration, lateral_brake, margin,
+        )  # fmt: skip
+        gap_x = abs(x[0, i]) - length - longitudinal
+        gap_y = abs(x[1, i]) - width - lateral
+        out[i] = max(gap_x, 4.0 * gap_y**3)
+
+
+@line_function
+def flow(x, u, d, c, out):  # type: ignore[no-untyped-def]
+    """dx/dt for u = (ω_r, a_r), d = (θ_o, a_o)."""
+    for i in range(out.shape[1]):
+        out[0, i] = x[3, i] * math.cos(x[2, i]) - x[4, i] * math.cos(d[0, i])
+        out[1, i] = x[3, i] * math.sin(x[2, i]) - x[4, i] * math.sin(d[0, i])
+        out[2, i] = u[0, i]
+        out[3, i] = u[1, i]
+        out[4, i] = d[1, i]
+
+
+@line_function
+def hamiltonian(x, p, c, limits, out):  # type: ignore[no-untyped-def]
+    """max over (ω_r, a_r), min over (θ_o, a_o) of p · dx/dt in closed form.
+
+    The other car's heading maximises p_x cos θ_o + p_y sin θ_o over |θ_o| <= θ̄: it points along (p_x, p_y) where
+    that lies within the bounds, which makes the norm, and else along the nearer bound.
+    """
+    heading, v_r, v_o = x[2, 0], x[3, 0], x[4, 0]
+    # At a limit of the state the input that would cross it is not available.
+    zero = np.float32(0.0)
+    omega_low = zero if heading <= limits[0, 2] else -c[0]
+    omega_high = zero if heading >= limits[1, 2] else c[0]
+    robot_low = zero if v_r <= limits[0, 3] else c[1]
+    robot_high = zero if v_r >= limits[1, 3] else c[2]
+    other_low = zero if v_o <= limits[0, 4] else c[4]
+    other_high = zero if v_o >= limits[1, 4] else c[5]
+    forward, leftward = np.float32(v_r * math.cos(heading)), np.float32(v_r * math.sin(heading))
+    cos_bound, sin_bound, tan_bound = np.float32(math.cos(c[3])), np.float32(math.sin(c[3])), np.float32(math.tan(c[3]))
+    for i in range(out.shape[0]):
+        p_x, p_y = p[0, i], p[1, i]
+        side = abs(p_y)
+        at_bound = p_x * cos_bound + side * sin_bound
+        # Branches as selects, so that the loop runs in SIMD.
+        other = math.sqrt(p_x * p_x + p_y * p_y) if (p_x > zero) & (side <= p_x * tan_bound) else at_bound
+        turning = omega_high * p[2, i] if p[2, i] > zero else omega_low * p[2, i]
+        robot = robot_high * p[3, i] if p[3, i] > zero else robot_low * p[3, i]
+        braking = other_low * p[4, i] if p[4, i] > zero else other_high * p[4, i]
+        out[i] = forward * p_x + leftward * p_y - v_o * other + turning + robot + braking
+
+
+@line_function
+def dissipation(x, c, out):  # type: ignore[no-untyped-def]
+    """Tight bounds: dp_x over cos θ_o in [cos θ̄, 1], dp_y over sin θ_o in ± sin θ̄, and the inputs' magnitudes."""
+    forward, sideways = x[3, 0] * math.cos(x[2, 0]), abs(x[3, 0] * math.sin(x[2, 0]))
+    along = np.float32(max(abs(forward - x[4, 0]), abs(forward - x[4, 0] * math.cos(c[3]))))
+    across = np.float32(sideways + x[4, 0] * math.sin(c[3]))
+    robot, other = max(-c[1], c[2]), max(-c[4], c[5])
+    for i in range(out.shape[1]):
+        out[0, i] = along
+        out[1, i] = across
+        out[2, i] = c[0]
+        out[3, i] = robot
+        out[4, i] = other
+
+
+@line_function
+def optimal_inputs(x, p, c, limits, u, d):  # type: ignore[no-untyped-def]
+    """The inputs that attain the Hamiltonian; where an input does not matter it is 0."""
+    for i in range(u.shape[1]):
+        u[0, i] = _box_maximiser(p[2, i], x[2, i], limits[0, 2], limits[1, 2], -c[0], c[0])
+        u[1, i] = _box_maximiser(p[3, i], x[3, i], limits[0, 3], limits[1, 3], c[1], c[2])
+        along = 0.0 if p[0, i] == 0.0 and p[1, i] == 0.0 else math.atan2(p[1, i], p[0, i])
+        d[0, i] = min(max(along, -c[3]), c[3])
+        d[1, i] = _box_maximiser(-p[4, i], x[4, i], limits[0, 4], limits[1, 4], c[4], c[5])
+
+
+@line_function
+def _box_maximiser(slope, state, state_low, state_high, low, high):  # type: ignore[no-untyped-def]
+    """The input in [low, high] that maximises slope · input, without leaving [state_low, state_high]."""
+    if slope > 0.0:
+        return high if state < state_high else np.float32(0.0)
+    if slope < 0.0:
+        return low if state > state_low else np.float32(0.0)
+    return np.float32(0.0)
+
+
+dynamics = Dynamics(
+    name="highway",
+    state=("p_x", "p_y", "theta", "v_r", "v_o"),
+    controls=("omega_r", "a_r"),
+    disturbances=("theta_o", "a_o"),
+    parameters=PARAMETERS,
+    target=target,
+    flow=flow,
+    hamiltonian=hamiltonian,
+    dissipation=dissipation,
+    optimal_inputs=optimal_inputs,
+    boundary=("linear",) * 5,
+    outside=("safe", "safe", "clamp", "clamp", "clamp"),
+    limited=(False, False, True, True, True),
+    line_axis=0,
+    mirrored_axes=(1, 2),
+)

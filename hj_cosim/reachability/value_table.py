@@ -1,0 +1,258 @@
+"""Solved value tables: made from a specification, kept in a file, asked for values, gradients and optimal inputs."""
+
+import hashlib
+import json
+import zipfile
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from hj_cosim import locations
+from hj_cosim.config import TableSpecification, read_toml, validate
+from hj_cosim.errors import ConfigurationError, TableError
+from hj_cosim.files import whole_file
+from hj_cosim.reachability.dynamics import Dynamics, find_dynamics
+from hj_cosim.reachability.grid import Grid
+from hj_cosim.reachability.interpolation import interpolate
+from hj_cosim.reachability.lookup import TableArrays
+from hj_cosim.reachability.solver import Progress, SolveReport, solve, state_limits
+
+# Part of every specification's hash: raised when the solver changes what it computes, so that tables are re-solved.
+_SOLVER_VERSION = 1
+
+
+@dataclass(frozen=True)
+class ValueTable:
+    """V(−horizon, ·) on a grid."""
+
+    specification: TableSpecification
+    dynamics: Dynamics
+    values: np.ndarray  # float32, C order, axes in the order of the state, the margin subtracted
+    report: SolveReport
+
+    @property
+    def grid(self) -> Grid:
+        """The nodes."""
+        return Grid.from_settings(self.specification.grid, self.dynamics.boundary)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every parameter of the dynamics, as the table was solved with."""
+        return {**self.dynamics.parameters, **self.specification.parameters}
+
+    @property
+    def arrays(self) -> TableArrays:
+        """The table as jitted look-ups take it.
+
+        Raises:
+            TableError: if it is not a table of the five-dimensional highway game.
+        """
+        if self.dynamics.state != ("p_x", "p_y", "theta", "v_r", "v_o"):
+            raise TableError(
+                f"a table of {self.dynamics.name} has the state {', '.join(self.dynamics.state)};"
+                " planning and filtering need p_x, p_y, theta, v_r, v_o"
+            )
+        return TableArrays(self.values, np.array(self.grid.lower), 1.0 / self.grid.spacing)
+
+    def value_and_gradient(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return V (N,) and ∂V/∂x (N, n) at `states` (N, n), outside the grid as the dynamics say."""
+        grid = self.grid
+        return interpolate(
+            self.values.reshape(-1),
+            np.array(grid.shape),
+            np.array(grid.lower),
+            1.0 / grid.spacing,
+            np.array([boundary == "periodic" for boundary in grid.boundary]),
+            np.array([outside == "safe" for outside in self.dynamics.outside]),
+            np.atleast_2d(np.asarray(states, np.float64)),
+        )
+
+    def value(self, states: np.ndarray) -> np.ndarray:
+        """Return V, (N,), at `states` (N, n)."""
+        return self.value_and_gradient(states)[0]
+
+    def gradient(self, states: np.ndarray) -> np.ndarray:
+        """Return ∂V/∂x, (N, n), at `states` (N, n), per state unit."""
+        return self.value_and_gradient(states)[1]
+
+    def optimal_control(self, states: np.ndarray) -> np.ndarray:
+        """Return the controls that raise V most, (N, controls) (paper, eq. HJI optimal control)."""
+        return self._optimal(states)[0]
+
+    def optimal_disturbance(self, states: np.ndarray) -> np.ndarray:
+        """Return the disturbances that lower V most, (N, disturbances)."""
+        return self._optimal(states)[1]
+
+    def _optimal(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        rows = np.atleast_2d(states)
+        return self.dynamics.optimal(rows, self.gradient(rows), self.parameter_array(), self.state_limits())
+
+    def target_values(self, states: np.ndarray) -> np.ndarray:
+        """Return V(0, ·), (N,), the formula itself, at `states` (N, n)."""
+        return self.dynamics.target_values(np.atleast_2d(states), self.parameter_array())
+
+    def parameter_array(self) -> np.ndarray:
+        """Return the parameters as the dynamics' functions take them."""
+        return self.dynamics.parameter_values(self.specification.parameters, "the table")
+
+    def state_limits(self) -> np.ndarray:
+        """Return the limits that inputs respect, (2, n) float32."""
+        return state_limits(self.dynamics, self.grid, self.specification.state_limits)
+
+    def in_grid(self, states: np.ndarray) -> np.ndarray:
+        """Return which of `states` (N, n) lie within the grid on every axis that is not periodic, (N,) bool."""
+        rows = np.atleast_2d(states)
+        grid = self.grid
+        wraps = np.array([boundary == "periodic" for boundary in grid.boundary])
+        inside = (rows >= np.array(grid.lower)) & (rows <= np.array(grid.upper))
+        return (inside | wraps).all(axis=1)
+
+    def save(self, path: Path) -> None:
+        """Write the table, whole or not at all.
+
+        Raises:
+            HjCosimError: if it cannot be written.
+        """
+        arrays = {"values": self.values} | {f"axis{i}": axis for i, axis in enumerate(self.grid.axes)}
+        specification = self.specification.model_dump_json()
+        report = asdict(self.report) | {
+            "specification_hash": specification_hash(self.specification, self.dynamics),
+            "checksum": _checksum(arrays, specification),
+        }
+        with whole_file(path) as temporary:
+            np.savez(temporary, **arrays, spec=np.array(specification), report=np.array(json.dumps(report)))
+
+    @staticmethod
+    def load(path: Path) -> "ValueTable":
+        """Return the table in a file.
+
+        Raises:
+            TableError: if it is missing, truncated, altered, or was solved by another version of the dynamics.
+        """
+        if not path.is_file():
+            raise TableError(f"there is no table {path}; solve it with `hj-cosim table solve`")
+        try:
+            with np.load(path, allow_pickle=False) as content:
+                arrays = {name: content[name] for name in content.files if name not in ("spec", "report")}
+                specification_json, report = str(content["spec"]), json.loads(str(content["report"]))
+            if report["checksum"] != _checksum(arrays, specification_json):
+                raise TableError(f"{path} was altered after it was solved; delete it and solve it again")
+            specification = TableSpecification.model_validate_json(specification_json)
+            report_fields = {field.name: report[field.name] for field in fields(SolveReport)}
+            values = arrays["values"]
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            raise TableError(f"{path} is not a whole value table ({error}); delete it and solve it again") from error
+        dynamics = find_dynamics(specification.dynamics)
+        if report["specification_hash"] != specification_hash(specification, dynamics):
+            raise TableError(f"{path} was solved by another version of {dynamics.name}; solve it again")
+        report_fields["shape"] = tuple(report_fields["shape"])
+        return ValueTable(specification, dynamics, values, SolveReport(**report_fields))
+
+
+def specification_hash(specification: TableSpecification, dynamics: Dynamics) -> str:
+    """Return what identifies a table's content: the specification, the dynamics' source, the solver's version."""
+    # The description says nothing about the values, nor does the place of a dynamics file.
+    content = specification.model_dump_json(exclude={"description", "dynamics"})
+    return hashlib.sha256(f"{_SOLVER_VERSION} {dynamics.fingerprint} {content}".encode()).hexdigest()
+
+
+def _checksum(arrays: dict[str, np.ndarray], specification: str) -> str:
+    digest = hashlib.sha256(specification.encode())
+    for name in sorted(arrays):
+        digest.update(f"{name} {arrays[name].shape} {arrays[name].dtype}".encode())
+        digest.update(np.ascontiguousarray(arrays[name]).data)
+    return digest.hexdigest()
+
+
+def find_specification(name_or_path: str) -> Path:
+    """Return the TOML file of a specification: a name in value_tables/, or a path ending in .toml.
+
+    Raises:
+        ConfigurationError: if there is none.
+    """
+    return locations.find_toml(str(name_or_path), locations.specifications_folder(), "table specification")
+
+
+def read_specification(path: Path) -> TableSpecification:
+    """Return the specification in a TOML file, checked against the dynamics that it names.
+
+    Raises:
+        ConfigurationError: if it cannot be read, or a key or a value is wrong.
+    """
+    specification = validate(TableSpecification, read_toml(path), str(path))
+    if specification.dynamics.endswith(".py"):
+        specification = specification.model_copy(
+            update={"dynamics": str((path.parent / Path(specification.dynamics).expanduser()).resolve())}
+        )
+    try:
+        dynamics = find_dynamics(specification.dynamics)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from error
+    if len(specification.grid.shape) != dynamics.dimension:
+        raise ConfigurationError(
+            f"{path}: grid.shape has {len(specification.grid.shape)} entries; {dynamics.name} has"
+            f" {dynamics.dimension} axes: {', '.join(dynamics.state)}"
+        )
+    dynamics.parameter_values(specification.parameters, str(path))
+    return specification
+
+
+def table_path(specification_path: Path) -> Path:
+    """Return where the solved table of a specification file is kept."""
+    if specification_path.parent == locations.specifications_folder():
+        return locations.tables_folder() / f"{specification_path.stem}.npz"
+    return specification_path.with_suffix(".npz")
+
+
+def solve_table(specification: TableSpecification | str, progress: Progress | None = None) -> ValueTable:
+    """Solve a specification, or the one that a name or a path means; nothing is written.
+
+    Args:
+        specification: what to solve, or its name in value_tables/, or a path to a TOML file.
+        progress: called with the steps done and the steps in all, after each step.
+
+    Returns:
+        The table.
+
+    Raises:
+        ConfigurationError: if the specification is wrong.
+        TableError: if the solution is not finite.
+    """
+    name = "the table specification"
+    if isinstance(specification, str):
+        name = str(find_specification(specification))
+        specification = read_specification(Path(name))
+    dynamics = find_dynamics(specification.dynamics)
+    values, report = solve(specification, dynamics, name, progress)
+    return ValueTable(specification, dynamics, values - np.float32(specification.margin), report)
+
+
+def load_table(name_or_path: str, progress: Progress | None = None) -> ValueTable:
+    """Return the solved table of a specification; solve and keep it if there is none or the specification changed.
+
+    Args:
+        name_or_path: a name in value_tables/, or a path to a TOML file.
+        progress: called with the steps done and the steps in all, after each step of a solve.
+
+    Raises:
+        ConfigurationError: if the specification is wrong.
+        TableError: if the kept table is truncated or was altered.
+    """
+    path = find_specification(name_or_path)
+    specification = read_specification(path)
+    kept = table_path(path)
+    if kept.is_file() and _kept_hash(kept) == specification_hash(specification, find_dynamics(specification.dynamics)):
+        return ValueTable.load(kept)
+    table = solve_table(specification, progress)
+    table.save(kept)
+    return table
+
+
+def _kept_hash(path: Path) -> str:
+    """Return the specification hash in a table's file without reading its values."""
+    try:
+        with np.load(path, allow_pickle=False) as content:
+            return str(json.loads(str(content["report"]))["specification_hash"])
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise TableError(f"{path} is not a whole value table ({error}); delete it and solve it again") from error
