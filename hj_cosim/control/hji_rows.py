@@ -12,11 +12,9 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.errors import TableError
-from hj_cosim.reachability.dynamics import find_dynamics
 from hj_cosim.reachability.lookup import TableArrays, value_and_gradient_at, value_at
 from hj_cosim.reachability.value_table import ValueTable
 
-HIGHWAY_STATE = ("p_x", "p_y", "theta", "v_r", "v_o")
 _PARAMETER_NAMES = ("other_heading_max", "other_acceleration_min", "other_acceleration_max")
 
 
@@ -32,16 +30,15 @@ class Disturbance(NamedTuple):
         """Return the limits that a table was solved with.
 
         Raises:
-            TableError: if the table is not one of the relative highway dynamics.
+            TableError: if its dynamics have other parameters.
         """
-        dynamics = find_dynamics(table.specification.dynamics)
-        parameters = {**dynamics.parameters, **table.specification.parameters}
-        if dynamics.state != HIGHWAY_STATE or any(name not in parameters for name in _PARAMETER_NAMES):
+        missing = [name for name in _PARAMETER_NAMES if name not in table.parameters]
+        if missing:
             raise TableError(
-                f"the value table has dynamics {dynamics.name!r} with state ({', '.join(dynamics.state)}); the filter"
-                f" needs one with state ({', '.join(HIGHWAY_STATE)}), such as highway"
+                f"the dynamics {table.dynamics.name} have no parameter {missing[0]};"
+                " the filter needs the other car's limits by the names that highway gives them"
             )
-        return cls(*(parameters[name] for name in _PARAMETER_NAMES))
+        return cls(*(table.parameters[name] for name in _PARAMETER_NAMES))
 
 
 @njit(cache=True)
@@ -113,3 +110,15 @@ def hji_rows(
         rows[count, 3] = worst_drift(gradient, robot[2], robot[3], speed[j], other)
         count += 1
     return cars[:count], rows[:count], least, nearest
+
+
+@njit(cache=True)
+def all_finite(robot: np.ndarray, x: np.ndarray, y: np.ndarray, heading: np.ndarray, speed: np.ndarray) -> bool:
+    """Return whether an observation's robot (4,) and other cars' states (J,) are free of NaN and infinity."""
+    for i in range(4):
+        if not math.isfinite(robot[i]):
+            return False
+    for j in range(len(x)):
+        if not (math.isfinite(x[j]) and math.isfinite(y[j]) and math.isfinite(heading[j]) and math.isfinite(speed[j])):
+            return False
+    return True

@@ -13,9 +13,9 @@ from typing import Protocol
 import numpy as np
 
 from hj_cosim.config import FilterSettings, RobotSettings
-from hj_cosim.control.hji_rows import Disturbance, hji_rows
+from hj_cosim.control.hji_rows import Disturbance, all_finite, hji_rows
 from hj_cosim.control.rss_rows import NEVER_SEEN, Response, rss_rows
-from hj_cosim.control.safety_problem import SafetyRows, SafetySolver, least_slack
+from hj_cosim.control.safety_problem import SafetyRows, SafetySolver, available_controls, least_slack
 from hj_cosim.reachability.value_table import ValueTable
 from hj_cosim.vehicles.observation import Control, Observation
 
@@ -41,6 +41,7 @@ class FilterResult:
     slack: float  # t of the control; 0 without rows, negative in SW where all rows are met with room
     least_slack: float  # the least t >= 0 that any control within the limits needs
     rows: SafetyRows
+    available: np.ndarray  # (4,) lower and upper ω, lower and upper a that the rows were to be met within
     backend: str  # what solved the problem; empty without rows or when the filter could not judge
 
     @property
@@ -80,7 +81,7 @@ def make_filter(settings: FilterSettings, robot: RobotSettings, table: ValueTabl
         return NoFilter(robot, table)
     if settings.kind == "rss":
         return RssFilter(settings, robot, table)
-    return SafetyPreservingFilter(settings, robot, table)
+    return SafetyPreservingFilter(settings, robot, table, step)
 
 
 class _Door:
@@ -89,6 +90,7 @@ class _Door:
     def __init__(self, robot: RobotSettings, table: ValueTable) -> None:
         self.counts: Counter[str] = Counter()
         self._robot = robot
+        self._limits = np.array([-robot.omega_max, robot.omega_max, robot.acceleration_min, robot.acceleration_max])
         self._arrays = table.arrays
         self._disturbance = Disturbance.of(table)
 
@@ -105,8 +107,8 @@ class _Door:
 
     def _admit(self, observation: Observation, desired: Control) -> Control | None:
         """Return the desired control within the limits, or None when the observation cannot be judged."""
-        cars = observation.x.sum() + observation.y.sum() + observation.speed.sum() + observation.heading.sum()
-        if not math.isfinite(cars + observation.robot.sum()):
+        seen = observation
+        if not all_finite(seen.robot, seen.x, seen.y, seen.heading, seen.speed):
             self.counts["could not judge"] += 1
             return None
         if not math.isfinite(desired.omega + desired.acceleration):
@@ -129,10 +131,10 @@ class _Door:
 
     def _unjudged(self, observation: Observation) -> FilterResult:
         control = self._brake_in_lane(float(observation.robot[2]))
-        return FilterResult(control, control, math.inf, NOBODY, 0, False, 0.0, 0.0, _NO_ROWS, "")
+        return FilterResult(control, control, math.inf, NOBODY, 0, False, 0.0, 0.0, _NO_ROWS, self._limits, "")
 
     def _unfiltered(self, desired: Control, value: float, value_vehicle: int) -> FilterResult:
-        return FilterResult(desired, desired, value, value_vehicle, 0, False, 0.0, 0.0, _NO_ROWS, "")
+        return FilterResult(desired, desired, value, value_vehicle, 0, False, 0.0, 0.0, _NO_ROWS, self._limits, "")
 
 
 class NoFilter(_Door):
@@ -157,7 +159,13 @@ class _Intervening(_Door):
         self._previous_omega = 0.0
 
     def _solve(
-        self, rows: SafetyRows, constraints: int, wanted: Control, value: float, value_vehicle: int
+        self,
+        rows: SafetyRows,
+        constraints: int,
+        wanted: Control,
+        box: np.ndarray,
+        value: float,
+        value_vehicle: int,
     ) -> FilterResult:
         """Return the result for a set K; the desired control itself where K is empty."""
         if constraints == 0:
@@ -165,7 +173,7 @@ class _Intervening(_Door):
             return self._unfiltered(wanted, value, value_vehicle)
         # SW holds the steering instead of following the desired one (paper, section HJI Safety Controller).
         omega = self._previous_omega if self._settings.scheme == "sw" else wanted.omega
-        solution = self._solver.solve(rows, omega, wanted.acceleration)
+        solution = self._solver.solve(rows, omega, wanted.acceleration, box)
         self._previous_omega = solution.omega
         return FilterResult(
             control=Control(solution.omega, solution.acceleration),
@@ -175,8 +183,9 @@ class _Intervening(_Door):
             constraints=constraints,
             intervening=True,
             slack=solution.slack,
-            least_slack=0.0 if solution.slack <= 0.0 else least_slack(rows, self._solver.box),
+            least_slack=0.0 if solution.slack <= 0.0 else least_slack(rows, box),
             rows=rows,
+            available=box,
             backend=solution.backend,
         )
 
@@ -189,6 +198,12 @@ class _Intervening(_Door):
 class SafetyPreservingFilter(_Intervening):
     """SPC, the paper's multi-agent safety-preserving control."""
 
+    def __init__(self, settings: FilterSettings, robot: RobotSettings, table: ValueTable, step: float) -> None:
+        super().__init__(settings, robot, table)
+        heading_lower, heading_upper = table.grid.lower[2], table.grid.upper[2]
+        self._bounds = np.array([heading_lower, heading_upper, 0.0, robot.speed_max])
+        self._step = step
+
     def filter(self, observation: Observation, desired: Control) -> FilterResult:
         """Return the control nearest to the desired one that lets no V in K decrease; see SafetyFilter."""
         wanted = self._admit(observation, desired)
@@ -199,7 +214,9 @@ class SafetyPreservingFilter(_Intervening):
             self.counts["could not judge"] += 1
             return self._cannot_judge(observation)
         safety_rows = SafetyRows(observation.vehicle[cars], rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3])
-        return self._solve(safety_rows, len(cars), wanted, value, value_vehicle)
+        state = observation.robot
+        box = available_controls(self._limits, state[2], state[3], self._bounds, self._step)
+        return self._solve(safety_rows, len(cars), wanted, box, value, value_vehicle)
 
 
 class RssFilter(_Intervening):
@@ -232,7 +249,7 @@ class RssFilter(_Intervening):
             self._memory,
         )
         safety_rows = SafetyRows(observation.vehicle[cars], np.zeros(len(cars)), rows[:, 0], rows[:, 1], rows[:, 2])
-        return self._solve(safety_rows, dangerous, wanted, value, value_vehicle)
+        return self._solve(safety_rows, dangerous, wanted, self._limits, value, value_vehicle)
 
     def _remember_all(self, vehicle: np.ndarray) -> None:
         """Make room in the memory for all numbers seen."""

@@ -242,21 +242,30 @@ def least_slack(rows: SafetyRows, box: np.ndarray) -> float:
 
 @njit(cache=True)
 def _scaled_problem(
-    p: np.ndarray, q: np.ndarray, desired: tuple[float, float], scale: tuple[float, float], tie: float, slack: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the linear cost (3,) and the inequality's matrix (K, 3) over (ω, a, t), ω and a in units of `scale`."""
-    linear = np.array([-2.0 * desired[0] / scale[0], -2.0 * tie * desired[1] / scale[1], slack])
+    p: np.ndarray,
+    q: np.ndarray,
+    desired: tuple[float, float],
+    scale: tuple[float, float],
+    box: np.ndarray,
+    tie: float,
+    slack_weight: float,
+    lowest_slack: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the linear cost, the inequality's matrix (K, 3) and both bounds over (ω, a, t), in units of `scale`."""
+    linear = np.array([-2.0 * desired[0] / scale[0], -2.0 * tie * desired[1] / scale[1], slack_weight])
     inequality = np.empty((len(p), 3))
     for k in range(len(p)):
         inequality[k, 0], inequality[k, 1], inequality[k, 2] = -p[k] * scale[0], -q[k] * scale[1], -1.0
-    return linear, inequality
+    lower = np.array([box[0] / scale[0], box[2] / scale[1], lowest_slack])
+    upper = np.array([box[1] / scale[0], box[3] / scale[1], math.inf])
+    return linear, inequality, lower, upper
 
 
 @njit(cache=True)
 def _judged_answer(
     point: np.ndarray, scale: tuple[float, float], p: np.ndarray, q: np.ndarray, c: np.ndarray, box: np.ndarray
 ) -> tuple[bool, float, float, float]:
-    """Return whether a backend's (ω, a, t) is a solution, ω and a within the box, and max over K of −(p ω + q a + c)."""
+    """Return whether a backend's (ω, a, t) is a solution, ω and a within the box, and max_k −(p_k ω + q_k a + c_k)."""
     omega, acceleration = point[0] * scale[0], point[1] * scale[1]
     inside = (
         box[0] - FEASIBILITY_TOLERANCE <= omega <= box[1] + FEASIBILITY_TOLERANCE
@@ -268,6 +277,32 @@ def _judged_answer(
         needed = max(needed, -(p[k] * omega + q[k] * acceleration + c[k]))
     kept = needed - point[2] <= FEASIBILITY_TOLERANCE * (1.0 + abs(needed))
     return inside and kept and math.isfinite(omega + acceleration + point[2]), omega, acceleration, needed
+
+
+@njit(cache=True)
+def available_controls(limits: np.ndarray, heading: float, speed: float, bounds: np.ndarray, step: float) -> np.ndarray:
+    """Return the controls that keep heading and speed within bounds for one step; the game's own state limits.
+
+    At a bound of the value table the input that would cross it is not available, in the game as here: beyond, the
+    table does not know what it promises. What leads back is always available.
+
+    Args:
+        limits: (4,) lower and upper ω, lower and upper a.
+        heading, speed: θ and v of the robot, rad and m/s.
+        bounds: (4,) lower and upper θ, lower and upper v.
+        step: s, for which the control is held.
+
+    Returns:
+        (4,) like `limits`, never empty.
+    """
+    return np.array(
+        [
+            max(limits[0], min((bounds[0] - heading) / step, 0.0)),
+            min(limits[1], max((bounds[1] - heading) / step, 0.0)),
+            max(limits[2], min((bounds[2] - speed) / step, 0.0)),
+            min(limits[3], max((bounds[3] - speed) / step, 0.0)),
+        ]
+    )
 
 
 class SafetySolver:
@@ -294,7 +329,6 @@ class SafetySolver:
         self.backends: Sequence[str] = (settings.solver, *others)
         self.counts = counts
         self.weights = SafetyWeights.of(settings, robot)
-        self.box = np.array([-robot.omega_max, robot.omega_max, robot.acceleration_min, robot.acceleration_max])
         self._weight_array = np.array([self.weights.omega, self.weights.acceleration, self.weights.slack])
         # In units of ω̄ and ā (and t as it is) the problem is well conditioned.
         self._scale = (robot.omega_max, robot.acceleration_max)
@@ -302,25 +336,32 @@ class SafetySolver:
         self._cost = np.diag([2.0, 2.0 * self._tie, 0.0])
         self._sparse_cost = csc_matrix(self._cost)
         self._regular_cost = np.diag([2.0, 2.0 * self._tie, _QUADPROG_REGULARISATION * self.weights.slack])
-        lowest_slack = -np.inf if self.weights.slack_is_free else 0.0
-        units = np.array([*self._scale, 1.0])
-        self._lower = np.array([-robot.omega_max, robot.acceleration_min, lowest_slack]) / units
-        self._upper = np.array([robot.omega_max, robot.acceleration_max, np.inf]) / units
+        self._lowest_slack = -math.inf if self.weights.slack_is_free else 0.0
 
-    def solve(self, rows: SafetyRows, desired_omega: float, desired_acceleration: float) -> SafetySolution:
+    def solve(
+        self, rows: SafetyRows, desired_omega: float, desired_acceleration: float, box: np.ndarray
+    ) -> SafetySolution:
         """Return the control that solves the problem.
 
         Args:
             rows: K >= 1 half-planes, finite.
             desired_omega, desired_acceleration: rad/s, m/s²; finite, in the box or not.
+            box: (4,) lower and upper ω, lower and upper a.
         """
-        linear, inequality = _scaled_problem(
-            rows.p, rows.q, (desired_omega, desired_acceleration), self._scale, self._tie, self.weights.slack
+        linear, inequality, lower, upper = _scaled_problem(
+            rows.p,
+            rows.q,
+            (desired_omega, desired_acceleration),
+            self._scale,
+            box,
+            self._tie,
+            self.weights.slack,
+            self._lowest_slack,
         )
         for backend in self.backends:
-            point = self._answer_of(backend, linear, inequality, rows.c)
+            point = self._answer_of(backend, linear, inequality, rows.c, lower, upper)
             if point is not None:
-                good, omega, acceleration, needed = _judged_answer(point, self._scale, rows.p, rows.q, rows.c, self.box)
+                good, omega, acceleration, needed = _judged_answer(point, self._scale, rows.p, rows.q, rows.c, box)
                 if good:
                     slack = needed if self.weights.slack_is_free else max(needed, 0.0)
                     return SafetySolution(omega, acceleration, slack, backend)
@@ -333,7 +374,7 @@ class SafetySolver:
             desired_acceleration,
             self._weight_array,
             self.weights.slack_is_free,
-            self.box,
+            box,
         )
         return SafetySolution(omega, acceleration, slack, ENUMERATION)
 
@@ -347,7 +388,13 @@ class SafetySolver:
         )
 
     def _answer_of(
-        self, backend: str, linear: np.ndarray, inequality: np.ndarray, offset: np.ndarray
+        self,
+        backend: str,
+        linear: np.ndarray,
+        inequality: np.ndarray,
+        offset: np.ndarray,
+        lower: np.ndarray,
+        upper: np.ndarray,
     ) -> np.ndarray | None:
         """Return a backend's scaled (ω, a, t), or None where it fails."""
         cost = self._cost
@@ -355,7 +402,7 @@ class SafetySolver:
             cost = self._regular_cost
         elif backend in _SPARSE_BACKENDS:
             cost, inequality = self._sparse_cost, csc_matrix(inequality)
-        problem = qpsolvers.Problem(cost, linear, inequality, offset, lb=self._lower, ub=self._upper)
+        problem = qpsolvers.Problem(cost, linear, inequality, offset, lb=lower, ub=upper)
         try:
             solution = qpsolvers.solve_problem(problem, backend, **_BACKEND_OPTIONS[backend])
         except (qpsolvers.exceptions.QPError, ValueError, ArithmeticError):
