@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from hj_cosim.analysis.driving import driving_metrics
 from hj_cosim.analysis.record import RunRecord
 from hj_cosim.config import EpisodeConfig
 
@@ -48,6 +49,7 @@ def summarize(record: RunRecord, config: EpisodeConfig, wall_seconds: float) -> 
         "lane_changes": count_lane_changes(robot.y, record.road.lane_width),
         "wall_seconds": wall_seconds,
         "real_time_factor": duration / wall_seconds,
+        **driving_metrics(record, config.filter.rss),
     }
 
 
