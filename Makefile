@@ -1,0 +1,59 @@
+# The two commands of the README are `make run` and `make test`; everything happens in .venv, nothing outside.
+PYTHON ?= python3
+BIN := .venv/bin
+RUN_ARGS ?=
+
+.PHONY: help run test lint bench clean
+.DEFAULT_GOAL := help
+
+help:
+	@echo "make run    set up, then drive the default co-simulation (RUN_ARGS='dense --seed 3' to vary it)"
+	@echo "make test   set up, then run the tests"
+	@echo "make lint   ruff and mypy"
+	@echo "make bench  the benchmarks, measured against the peers in the same run"
+	@echo "make clean  remove the virtual environment and caches (tables and runs stay)"
+
+run: .venv/.run-ready
+	@$(BIN)/hj-cosim run $(RUN_ARGS)
+
+test: .venv/.test-ready
+	@$(BIN)/python -m pytest -n 2 --dist loadfile
+
+lint: .venv/.test-ready
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+
+bench: .venv/.bench-ready
+	@$(BIN)/python -m pytest tests/benchmarks -p no:xdist -s --benchmark-columns=median,iqr,rounds
+
+clean:
+	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache
+	find hj_cosim tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# One stamp a set of extras: a second call installs nothing. uv installs in seconds what pip needs two minutes for;
+# where uv cannot reach the index, pip does the same work.
+define install
+	@echo "installing $(1) (once)..."
+	@$(BIN)/uv pip install --quiet --python $(BIN)/python --constraint constraints.txt --editable '$(1)' \
+	  || { echo "uv could not; pip takes over, which needs a few minutes"; \
+	       $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '$(1)'; }
+	@touch $@
+endef
+
+.venv/.uv-ready: constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11 ...")'
+	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt uv
+	@touch $@
+
+.venv/.run-ready: pyproject.toml constraints.txt .venv/.uv-ready
+	$(call install,.)
+
+.venv/.test-ready: pyproject.toml constraints.txt .venv/.uv-ready
+	$(call install,.[test])
+	@touch .venv/.run-ready
+
+.venv/.bench-ready: pyproject.toml constraints.txt .venv/.uv-ready
+	$(call install,.[bench])
+	@touch .venv/.run-ready .venv/.test-ready

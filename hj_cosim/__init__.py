@@ -1,0 +1,31 @@
+"""A robot car that plans and controls with one Hamilton-Jacobi value function, co-simulated with SUMO traffic.
+
+The names below are the library's face; each is imported when it is first used, so that `import hj_cosim` and
+`hj-cosim --help` cost nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hj_cosim.cosim.episode import run_episode
+    from hj_cosim.reachability.value_table import load_table, solve_table
+    from hj_cosim.study.study import run_study
+    from hj_cosim.traffic.scenarios import load_scenario
+
+__all__ = ["load_scenario", "load_table", "run_episode", "run_study", "solve_table"]
+__version__ = "0.1.0"
+
+_HOMES = {
+    "load_scenario": "hj_cosim.traffic.scenarios",
+    "load_table": "hj_cosim.reachability.value_table",
+    "run_episode": "hj_cosim.cosim.episode",
+    "run_study": "hj_cosim.study.study",
+    "solve_table": "hj_cosim.reachability.value_table",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'hj_cosim' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)

@@ -1,0 +1,128 @@
+"""The command line: one thin command per library function.
+
+The library is imported inside the commands, so that `--help` and mistakes are answered at once.
+"""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from hj_cosim.console import bar, messages, plain_table, print_json, progress_bars, results, summary_table
+from hj_cosim.errors import HjCosimError
+
+
+def _example(*lines: str) -> str:
+    return "Example: " + "   or   ".join(f"[bold]{line}[/bold]" for line in lines)
+
+
+app = typer.Typer(
+    name="hj-cosim",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    help="Drive a robot car through SUMO traffic, with one notion of safety for its planner and its controller.",
+    epilog=_example("hj-cosim run dense --seed 3", "hj-cosim study --episodes 20"),
+)
+table_app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", help="Solve, list, show and check value tables.")
+app.add_typer(table_app, name="table")
+
+Scenario = Annotated[str, typer.Argument(help="A name in sumo_net/ or a path to a scenario TOML.")]
+Specification = Annotated[str, typer.Argument(help="A name in value_tables/ or a path to a specification TOML.")]
+RunFolder = Annotated[Path, typer.Argument(metavar="DIR", help="The folder of a run.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+
+
+@app.command(epilog=_example("hj-cosim run dense --planner op --seed 3 --set planner.expansions=200"))
+def run(
+    scenario: Scenario = "paper",
+    planner: Annotated[str | None, typer.Option(help="hjop, op or idle.")] = None,
+    filter: Annotated[str | None, typer.Option(help="spc, rss or none.")] = None,
+    scheme: Annotated[str | None, typer.Option(help="mi (minimally interventional) or sw (switching).")] = None,
+    preset: Annotated[str, typer.Option(help="best or paper.")] = "best",
+    seed: Annotated[int | None, typer.Option(help="Seed of the traffic; the scenario's, or 0.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Seconds to record; 30 by default.")] = None,
+    table: Annotated[str | None, typer.Option(help="A name in value_tables/ or a path to a specification.")] = None,
+    assignments: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any knob.")] = None,
+    out: Annotated[Path | None, typer.Option(help="The run's folder; a new one in runs/ by default.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Drive one episode and write its folder."""
+    from hj_cosim.analysis.run_folder import require_free_folder
+    from hj_cosim.cosim.configuration import resolve_config, stack_flags
+    from hj_cosim.cosim.episode import new_run_folder, run_in_sumo, write_episode
+    from hj_cosim.reachability.value_table import load_table
+
+    flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
+    config = resolve_config(scenario, preset=preset, flags=flags, assignments=assignments or [])
+    folder = out or new_run_folder(config)
+    require_free_folder(folder)
+    with progress_bars() as bars:
+        value_table = load_table(config.table, bar(bars, f"solving table {config.table}"))
+        episode = run_in_sumo(config, value_table, bar(bars, f"driving {config.scenario.name}"))
+        drawn = bar(bars, "writing and drawing")
+        write_episode(episode, folder)
+        drawn(1, 1)
+    if as_json:
+        print_json({**episode.summary, "folder": str(folder)})
+    else:
+        results.print(summary_table(episode.summary))
+        results.print(f"Everything is in [bold]{folder}[/bold]")
+
+
+@app.command(epilog=_example("hj-cosim scenarios", "hj-cosim scenarios --template > mine.toml"))
+def scenarios(
+    template: Annotated[bool, typer.Option("--template", help="Print a scenario to start one's own from.")] = False,
+    schema: Annotated[bool, typer.Option("--schema", help="Print the JSON schema of a scenario.")] = False,
+    as_json: Json = False,
+) -> None:
+    """List the scenarios, their roads and densities."""
+
+
+@app.command(epilog=_example("hj-cosim export runs/paper-0 --format csv --out drive.csv"))
+def export(
+    folder: RunFolder,
+    format: Annotated[str, typer.Option(help="csv, parquet or fcd (SUMO's floating car data XML).")] = "csv",
+    out: Annotated[Path | None, typer.Option(help="The file to write; in the run's folder by default.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Write a run's trajectories in another format."""
+
+
+@table_app.command("solve", epilog=_example("hj-cosim table solve highway --scheme first_order --out quick.npz"))
+def table_solve(
+    specification: Specification,
+    shape: Annotated[list[int] | None, typer.Option(help="Nodes an axis, once for each axis.")] = None,
+    scheme: Annotated[str | None, typer.Option(help="first_order, eno2, weno3 or weno5.")] = None,
+    out: Annotated[Path | None, typer.Option(help="The .npz to write; beside the others by default.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Solve a value table and write it."""
+
+
+@table_app.command("list", epilog=_example("hj-cosim table list"))
+def table_list(as_json: Json = False) -> None:
+    """List the specifications, and which of them are solved."""
+
+
+@table_app.command("show", epilog=_example("hj-cosim table show highway --out slice.png"))
+def table_show(
+    specification: Specification,
+    out: Annotated[Path | None, typer.Option(help="Where to draw slices; beside the table by default.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Print how a table was solved, and draw slices of it."""
+
+
+def main() -> None:
+    """Run the command line; what a user got wrong ends in one sentence and exit status 2."""
+    try:
+        app()
+    except HjCosimError as error:
+        messages.print(f"[bold red]error:[/bold red] {error}", highlight=False, soft_wrap=True, markup=True)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        messages.print("interrupted; nothing half-written was left")
+        sys.exit(2)

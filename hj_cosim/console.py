@@ -1,0 +1,99 @@
+"""What people see in the terminal: progress bars, result tables, errors. Scripts take --json instead."""
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+# Results go to standard output, everything for people's eyes only to standard error, so that --json can be piped.
+messages = Console(stderr=True)
+results = Console()
+
+# What a summary shows, in this order: key, what it is, unit, format.
+_SUMMARY_ROWS = (
+    ("mean_speed", "mean speed", "m/s", ".2f"),
+    ("distance", "distance", "m", ".0f"),
+    ("lane_changes", "lane changes", "", "d"),
+    ("collisions", "collisions", "", "d"),
+    ("min_gap", "smallest gap to any car", "m", ".2f"),
+    ("ttc_ge_3", "share of samples with TTC >= 3 s", "", ".4f"),
+    ("ttc_p10", "TTC, 10th percentile", "s", ".2f"),
+    ("ttc_p1", "TTC, 1st percentile", "s", ".2f"),
+    ("btn_le_1", "share of samples with BTN <= 1", "", ".4f"),
+    ("btn_p90", "BTN, 90th percentile", "", ".3f"),
+    ("stn_le_1", "share of samples with STN <= 1", "", ".4f"),
+    ("stn_p90", "STN, 90th percentile", "", ".3f"),
+    ("mean_abs_acceleration", "mean |a|", "m/s²", ".3f"),
+    ("intervention_percent", "filter intervened", "%", ".1f"),
+    ("promise_kept_percent", "filter kept its promise", "%", ".2f"),
+    ("wall_seconds", "wall time", "s", ".2f"),
+    ("real_time_factor", "faster than real time", "x", ".1f"),
+)
+
+
+def progress_bars() -> Progress:
+    """Return bars with the time left, on standard error."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=messages,
+    )
+
+
+def bar(bars: Progress, description: str) -> Callable[[int, int], None]:
+    """Return a progress callback (done, total) whose bar appears when it is first called."""
+    tasks: list[TaskID] = []
+
+    def advance(done: int, total: int) -> None:
+        if not tasks:
+            tasks.append(bars.add_task(description, total=total))
+        bars.update(tasks[0], completed=done, total=total)
+
+    return advance
+
+
+def print_json(value: Any) -> None:
+    """Print a result as strict JSON; what is not finite becomes null."""
+    print(json.dumps(_finite(value), indent=2, allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def summary_table(summary: Mapping[str, Any]) -> Table:
+    """Return a run's summary as a table to read."""
+    stack = summary["planner"] if summary["filter"] == "none" else f"{summary['planner']} + {summary['filter']}"
+    scheme = "" if summary["filter"] == "none" else f" ({summary['scheme']})"
+    table = Table(title=f"{summary['scenario']}, seed {summary['seed']}: {stack}{scheme}, {summary['duration']:g} s")
+    table.add_column("what")
+    table.add_column("value", justify="right")
+    table.add_column("unit")
+    for key, what, unit, form in _SUMMARY_ROWS:
+        if key in summary:
+            value = summary[key]
+            table.add_row(what, "–" if value is None else format(value, form), unit)
+    return table
+
+
+def plain_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> Table:
+    """Return a table of texts and numbers; numbers stand to the right."""
+    table = Table(title=title)
+    for index, column in enumerate(columns):
+        numeric = bool(rows) and all(isinstance(row[index], int | float) for row in rows)
+        table.add_column(column, justify="right" if numeric else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(f"{cell:g}" if isinstance(cell, float) else str(cell) for cell in row))
+    return table

@@ -1,0 +1,78 @@
+"""What an episode runs with, resolved: defaults < preset < scenario file < flags < --set."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import tomli_w
+
+from hj_cosim.config import PRESETS, EpisodeConfig, overlay, parse_assignment, validate
+from hj_cosim.errors import ConfigurationError
+from hj_cosim.locations import scenarios_folder
+from hj_cosim.traffic.scenarios import network_path, scenario_data, scenario_path
+
+
+def resolve_config(
+    scenario: str = "paper",
+    *,
+    preset: str = "best",
+    flags: Mapping[str, Any] | None = None,
+    assignments: Sequence[str] = (),
+) -> EpisodeConfig:
+    """Return the configuration of one episode.
+
+    Args:
+        scenario: a name in sumo_net/ or a path to a scenario TOML.
+        preset: `best` or `paper`.
+        flags: nested values, as the command line's options give them; they win over the scenario.
+        assignments: texts `KEY=VALUE`, as `--set` takes them; they win over everything, the last over the first.
+
+    Raises:
+        ConfigurationError: if anything is unknown, of the wrong type, or out of range.
+    """
+    if preset not in PRESETS:
+        raise ConfigurationError(f"no preset is called {preset!r}; choose one of {', '.join(PRESETS)}")
+    data = overlay({"preset": preset}, PRESETS[preset])
+    data = overlay(data, {"scenario": scenario_data(scenario)})
+    # Each layer is checked before the next is laid over it, so that each is named for its own mistakes.
+    config = validate(EpisodeConfig, data, str(scenario_path(scenario)))
+    data = overlay(data, {"scenario": {"network": {"file": _network_file(config, scenario)}}})
+    layers = [("the command line", flags or {})]
+    layers += [(f"--set {assignment}", parse_assignment(assignment)) for assignment in assignments]
+    for source, layer in layers:
+        data = overlay(data, layer)
+        config = validate(EpisodeConfig, data, source)
+    return config
+
+
+def stack_flags(
+    *,
+    planner: str | None = None,
+    filter: str | None = None,
+    scheme: str | None = None,
+    duration: float | None = None,
+    table: str | None = None,
+    seed: int | None = None,
+) -> dict[str, Any]:
+    """Return the command line's options that were given (not None) as nested configuration."""
+    nested = {
+        "planner": {"kind": planner},
+        "filter": {"kind": filter, "scheme": scheme},
+        "simulation": {"duration": duration},
+    }
+    given: dict[str, Any] = {
+        section: {key: value for key, value in keys.items() if value is not None} for section, keys in nested.items()
+    }
+    top = {"table": table, "seed": seed}
+    return given | {key: value for key, value in top.items() if value is not None}
+
+
+def _network_file(config: EpisodeConfig, scenario: str) -> str:
+    """Return the network as sumo_net/ names it, or the whole path of one that lies beside a user's own scenario."""
+    network = config.scenario.network
+    path = network_path(network, scenario_path(scenario).parent)
+    return network.file if path.parent == scenarios_folder() else str(path)
+
+
+def config_toml(config: EpisodeConfig) -> str:
+    """Return the configuration as the text of a run folder's config.toml."""
+    return tomli_w.dumps(config.model_dump(mode="json", exclude_none=True))

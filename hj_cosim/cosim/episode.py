@@ -1,0 +1,185 @@
+"""One episode: the robot drives through the world, planned for at 1 Hz, filtered at 50 Hz, recorded, written."""
+
+import itertools
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hj_cosim.analysis.metrics import collides
+from hj_cosim.analysis.record import RunRecord
+from hj_cosim.analysis.run_folder import require_free_folder, write_run
+from hj_cosim.analysis.summary import summarize
+from hj_cosim.config import EpisodeConfig
+from hj_cosim.control.safety_filter import SafetyFilter, make_filter
+from hj_cosim.control.tracking import tracking_control
+from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
+from hj_cosim.cosim.recorder import Recorder
+from hj_cosim.planning.planner import Planner
+from hj_cosim.locations import runs_folder
+from hj_cosim.planning.optimistic import make_planner
+from hj_cosim.reachability.value_table import ValueTable, load_table
+from hj_cosim.traffic.sumo_world import SumoWorld
+from hj_cosim.traffic.world import World
+from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
+from hj_cosim.vehicles.observation import Observation, Target
+
+Progress = Callable[[int, int], None]  # samples driven, samples in all
+
+
+@dataclass(frozen=True)
+class Episode:
+    """An episode that has been driven."""
+
+    config: EpisodeConfig
+    record: RunRecord
+    summary: Mapping[str, Any]
+
+
+def drive(
+    world: World,
+    planner: Planner,
+    safety_filter: SafetyFilter,
+    config: EpisodeConfig,
+    progress: Progress | None = None,
+) -> RunRecord:
+    """Drive one episode in a world that has settled, and return what happened.
+
+    At every step the robot observes, plans if it is time to, tracks the plan, filters the control, and moves as
+    the bicycle does; the world moves with it. Any world, planner and filter of the Protocols will do.
+
+    Args:
+        world: at the instant that the robot takes over.
+        planner: asked every `simulation.plan_period`.
+        safety_filter: asked every step.
+        config: clocks, the robot and the tracking controller.
+        progress: called with the samples driven and the samples in all, once a plan.
+    """
+    simulation, robot = config.simulation, config.robot
+    samples = max(round(simulation.duration / simulation.step), 1)
+    samples_per_plan = max(round(simulation.plan_period / simulation.step), 1)
+    recorder = Recorder(samples, world.vehicle_names)
+    observation = world.observe()
+    target = Target(lane=world.road.lane_at(observation.robot[1]), speed=float(observation.robot[3]))
+    for sample in range(samples):
+        if sample % samples_per_plan == 0:
+            plan = planner.plan(observation, target)
+            target = plan.target
+            if progress is not None:
+                progress(sample, samples)
+        desired = tracking_control(observation.robot, target, world.road, config.tracking, robot)
+        filtered = safety_filter.filter(observation, desired)
+        omega, acceleration = filtered.control.omega, filtered.control.acceleration
+        steering = steering_for(omega, float(observation.robot[3]), robot.wheelbase)
+        recorder.record(observation, plan, desired, filtered, steering)
+        if simulation.on_collision == "stop" and _collided(observation, config):
+            break
+        if sample + 1 < samples:
+            state = bicycle_step(
+                observation.robot, steering, acceleration, robot.wheelbase, robot.speed_max, simulation.step
+            )
+            world.step(state, acceleration)
+            observation = world.observe()
+    if progress is not None:
+        progress(samples, samples)
+    return recorder.finish(world.road, robot)
+
+
+def _collided(observation: Observation, config: EpisodeConfig) -> bool:
+    return collides(
+        observation.robot,
+        config.robot.length,
+        config.robot.width,
+        observation.x,
+        observation.y,
+        observation.heading,
+        observation.length,
+        observation.width,
+    )
+
+
+def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | None = None) -> Episode:
+    """Drive one episode in SUMO.
+
+    Args:
+        config: what to run.
+        table: the solved value table that planner and filter share.
+        progress: called with the samples driven and the samples in all, once a plan.
+
+    Raises:
+        NetworkError, ScenarioError: if the world cannot be built.
+        SimulationError: if SUMO fails on the way.
+    """
+    started = time.perf_counter()
+    with SumoWorld(config.scenario, config.robot, config.seed, config.simulation.step) as world:
+        world.settle(config.simulation.settle_time)
+        planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, table)
+        safety_filter = make_filter(config.filter, config.robot, table, config.simulation.step)
+        record = drive(world, planner, safety_filter, config, progress)
+    wall_seconds = time.perf_counter() - started
+    return Episode(config, record, summarize(record, config, wall_seconds))
+
+
+def new_run_folder(config: EpisodeConfig) -> Path:
+    """Return a folder that does not exist yet, in runs/, named for the scenario, the stack and the seed."""
+    parts = [config.scenario.name, config.planner.kind, config.filter.kind]
+    if config.filter.kind != "none":
+        parts.append(config.filter.scheme)
+    name = "-".join([*parts, str(config.seed)])
+    folders = (runs_folder() / (name if attempt == 1 else f"{name}-{attempt}") for attempt in itertools.count(1))
+    return next(folder for folder in folders if not folder.exists())
+
+
+def write_episode(episode: Episode, folder: Path) -> None:
+    """Write an episode's run folder (SPEC section 2), all of it or nothing.
+
+    Raises:
+        RunFolderError: if `folder` already holds something, or cannot be written.
+    """
+    write_run(folder, episode.record, config_toml(episode.config), episode.summary)
+
+
+def run_episode(
+    scenario: str = "paper",
+    *,
+    planner: str | None = None,
+    filter: str | None = None,
+    scheme: str | None = None,
+    preset: str = "best",
+    seed: int = 0,
+    duration: float | None = None,
+    table: str | None = None,
+    settings: Sequence[str] = (),
+    out: Path | str | None = None,
+    progress: Progress | None = None,
+) -> Episode:
+    """Drive one episode in SUMO, as `hj-cosim run` does.
+
+    Args:
+        scenario: a name in sumo_net/ or a path to a scenario TOML.
+        planner: hjop, op or idle; the preset's unless given. So for filter (spc, rss, none) and scheme (mi, sw).
+        filter: see planner.
+        scheme: see planner.
+        preset: best or paper.
+        seed: of the traffic.
+        duration: recorded time, s.
+        table: a name in value_tables/ or a path to a specification; solved first if it has not been.
+        settings: any other knobs, as texts KEY=VALUE, for example `planner.gamma_r=0.8`.
+        out: the run folder to write; nothing is written unless given.
+        progress: called with the samples driven and the samples in all, once a plan.
+
+    Returns:
+        The configuration, the record (arrays, SI units, road frame) and the summary.
+
+    Raises:
+        HjCosimError: one sentence on what is wrong and what would be right.
+    """
+    flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
+    config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
+    if out is not None:
+        require_free_folder(Path(out))
+    episode = run_in_sumo(config, load_table(config.table), progress)
+    if out is not None:
+        write_episode(episode, Path(out))
+    return episode

@@ -1,0 +1,83 @@
+"""Collects an episode, sample by sample, into arrays that are allocated once."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hj_cosim.analysis.metrics import threat_track
+from hj_cosim.analysis.record import RobotTrack, RunRecord, TrafficTrack
+from hj_cosim.config import RobotSettings
+from hj_cosim.control.safety_filter import FilterResult
+from hj_cosim.planning.planner import Plan
+from hj_cosim.vehicles.observation import Control, Observation
+from hj_cosim.vehicles.road import Road
+
+
+class Recorder:
+    """The tracks of one episode while it is being driven."""
+
+    def __init__(self, samples: int, vehicle_names: Sequence[str]) -> None:
+        count = len(vehicle_names)
+        self._taken = 0
+        self._time = np.zeros(samples)
+        self._traffic = TrafficTrack.empty(tuple(vehicle_names), np.zeros(count), np.zeros(count), samples)
+        self._robot = RobotTrack.empty(samples)
+
+    def record(
+        self, observation: Observation, plan: Plan, desired: Control, filtered: FilterResult, steering: float
+    ) -> None:
+        """Take one sample.
+
+        Args:
+            observation: what the robot saw.
+            plan: the plan that it is following.
+            desired: the tracking controller's control.
+            filtered: what the filter made of it.
+            steering: δ, rad, that goes to the bicycle.
+        """
+        sample = self._taken
+        self._taken += 1
+        self._time[sample] = observation.time
+
+        cars, traffic = observation.vehicle, self._traffic
+        traffic.length[cars], traffic.width[cars] = observation.length, observation.width
+        traffic.present[sample, cars] = True
+        traffic.x[sample, cars] = observation.x
+        traffic.y[sample, cars] = observation.y
+        traffic.heading[sample, cars] = observation.heading
+        traffic.speed[sample, cars] = observation.speed
+        traffic.acceleration[sample, cars] = observation.acceleration
+        traffic.lane[sample, cars] = observation.lane
+
+        robot = self._robot
+        robot.x[sample], robot.y[sample], robot.heading[sample], robot.speed[sample] = observation.robot
+        robot.steering[sample] = steering
+        robot.omega[sample] = filtered.control.omega
+        robot.acceleration[sample] = filtered.control.acceleration
+        robot.omega_desired[sample] = desired.omega
+        robot.acceleration_desired[sample] = desired.acceleration
+        robot.action[sample] = plan.action
+        robot.plan_speed[sample] = plan.target.speed
+        robot.plan_lane[sample] = plan.target.lane
+        robot.value[sample] = filtered.value
+        robot.value_vehicle[sample] = filtered.value_vehicle
+        robot.constraints[sample] = filtered.constraints
+        robot.intervening[sample] = filtered.intervening
+        robot.slack[sample] = filtered.slack
+
+    def finish(self, road: Road, robot: RobotSettings) -> RunRecord:
+        """Return what was taken, with the threat metrics of every sample."""
+        time, traffic, track = (
+            self._time[: self._taken],
+            self._traffic.first(self._taken),
+            self._robot.first(self._taken),
+        )
+        return RunRecord(
+            time=time,
+            road=road,
+            robot_length=robot.length,
+            robot_width=robot.width,
+            traffic=traffic,
+            robot=track,
+            threats=threat_track(track, traffic, robot.length, robot.width),
+        )
