@@ -195,6 +195,7 @@ class SumoWorld:
 
     def _request_lane_changes(self) -> None:
         deciding = self._turn == self._steps % self._decision_steps
+        deciding[self._changing] = False
         if not deciding.any():
             return
         wanted = wanted_lanes(
@@ -257,33 +258,33 @@ class SumoWorld:
         x[:count] -= 0.5 * self._length[:count]
         self._acceleration = (speed - self._speed) / self._step
         self._speed, self._x = speed, x
-        for car in self._changing:
-            self._read_changing(car)
-        if self._changing:
-            self._changing = [car for car in self._changing if self._second_lane[car] != self._lane[car]]
+        self._changing = [car for car in self._changing if self._read_changing(car)]
         self._robot = robot_state
         self._x[-1], self._y[-1], self._heading[-1], self._speed[-1] = robot_state
         self._acceleration[-1] = robot_acceleration
 
-    def _read_changing(self, car: int) -> None:
-        """Read where a car is that was told to change lanes; it may be on its way, done, or refused."""
+    def _read_changing(self, car: int) -> bool:
+        """Read where a car is that was told to change lanes; return whether it is between lanes: not done or refused.
+
+        SUMO moves a car sideways at a constant rate and turns it about its front bumper, back again in one step
+        when it arrives. Its lateral position is taken for the centre's: only so is the centre's path continuous.
+        """
         name = self._names[car]
-        angle = math.radians(90.0 - libsumo.vehicle.getAngle(name))
-        x, y = libsumo.vehicle.getPosition(name)
-        along, lateral, heading = self.road.from_world(x, y, angle)
-        heading = math.remainder(heading, math.tau)
-        half = 0.5 * self._length[car]
         lane = libsumo.vehicle.getLaneIndex(name)
-        offset = lateral - self.road.lane_centre(lane)
+        offset = libsumo.vehicle.getLateralLanePosition(name)
         self._lane[car] = lane
         if abs(offset) < ON_CENTRE_LINE:
             self._y[car], self._heading[car] = self.road.lane_centre(lane), 0.0
             self._target_lane[car] = self._second_lane[car] = lane
-            return
-        self._x[car] = along - half * math.cos(heading)
-        self._y[car] = lateral - half * math.sin(heading)
-        self._heading[car] = heading
-        self._second_lane[car] = lane + (1 if offset > 0.0 else -1)
+            return False
+        self._y[car] = self.road.lane_centre(lane) + offset
+        angle = math.radians(90.0 - libsumo.vehicle.getAngle(name))
+        self._heading[car] = math.remainder(angle - self.road.heading, math.tau)
+        # SUMO has it in both lanes from the beginning, and frees the old one once its body has left it.
+        has_crossed = lane == self._target_lane[car]
+        has_left = has_crossed and abs(offset) <= 0.5 * (self.road.lane_width - self._width[car])
+        self._second_lane[car] = lane if has_left else lane + (1 if offset > 0.0 else -1)
+        return True
 
     def _forget(self, arrived: set[str]) -> None:
         """Drop the rows of cars that have reached the end of the road."""
