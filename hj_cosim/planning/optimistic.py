@@ -32,17 +32,15 @@ NOTICE_MARGIN = 1.0  # m
 CENTRED = 0.1  # m
 
 
-def mean_driver(drivers: DriverSettings) -> np.ndarray:
-    """Return the mean IDM parameters (6,), in the order of vehicles.idm."""
-    return np.array(
-        [
-            drivers.desired_speed.mean,
-            drivers.max_acceleration.mean,
-            drivers.comfortable_deceleration.mean,
-            drivers.time_headway.mean,
-            drivers.minimum_gap.mean,
-            drivers.exponent,
-        ]
+def mean_driver(drivers: DriverSettings) -> tuple[float, float, float, float, float, float]:
+    """Return the mean IDM parameters, in the order of vehicles.idm."""
+    return (
+        drivers.desired_speed.mean,
+        drivers.max_acceleration.mean,
+        drivers.comfortable_deceleration.mean,
+        drivers.time_headway.mean,
+        drivers.minimum_gap.mean,
+        drivers.exponent,
     )
 
 
@@ -51,6 +49,7 @@ def prediction_model(settings: PlannerSettings, drivers: DriverSettings, road: R
     steps = max(round(settings.action_time / settings.prediction_step), 1)
     step = settings.action_time / steps
     return PredictionModel(
+        driver=mean_driver(drivers),
         drivers=np.tile(mean_driver(drivers), (vehicles, 1)),
         mobil=mobil_parameters(drivers.politeness, drivers.gain_threshold, drivers.safe_braking),
         lane_count=road.lane_count,
@@ -151,7 +150,7 @@ class OptimisticPlanner:
         root["parent"], root["depth"], root["value"], root["heading"] = ROOT, 0, 0.0, heading
         root["planned_lane"] = min(max(previous.lane, 0), road.lane_count - 1)
         root["planned_speed"] = min(max(planned_speed, settings.speed_floor), settings.speed_high)
-        noticed = noticed_lanes(float(y), road.lane_count, road.lane_width, self._prediction.notice_reach)
+        noticed = noticed_lanes(float(y), self._prediction)
         lowest, highest = outermost_lanes(noticed or 1 << road.lane_at(y), road.lane_count)
         lane, second_lane = occupied_lanes(observation, cars, road)
         state, place = self._tree.state[ROOT], self._tree.place[ROOT]

@@ -2,15 +2,15 @@
 
 One action of the tree is predicted from a *scene*, the robot and the cars at one instant sorted by position:
 
-1. every car decides by MOBIL whether to change lanes; the robot's choice is not known to anyone yet, so this is
-   done once for all of the robot's actions;
-2. the car ahead of each car is found in one sweep from the front to the back;
-3. all cars drive for the action's duration as if the robot were not there: the *shared* motion;
-4. for each of the robot's actions, only the cars that its motion can reach drive again: those that follow it
-   closest in a lane that it occupies, and whoever drives behind those.
+1. in one sweep from the front to the back, every car finds the car ahead of it and decides by MOBIL whether to
+   change lanes; the robot's choice is not known to anyone yet, so this is done once for all of the robot's actions;
+2. the cars that the robot's actions cannot reach drive for the action's duration: the *shared* motion;
+3. for each of the robot's actions, those cars drive that its motion reaches: the ones that follow it closest in a
+   lane that it occupies, and whoever drives behind those.
 
-Step 4 is exact, not an approximation, because car following looks ahead only: a car's motion depends on the cars
-ahead of it, so the cars are moved one after the other from the front to the back, each through the whole action.
+That 2 and 3 are exact, not an approximation, is because car following looks ahead only: a car's motion depends on
+the cars ahead of it, so the cars are moved one after the other from the front to the back, each through the whole
+action.
 
 The kernels take few arrays of many rows rather than many arrays: it is what Numba compiles fast.
 """
@@ -22,7 +22,7 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.vehicles.idm import idm_acceleration
-from hj_cosim.vehicles.mobil import NOBODY, lane_change_incentive
+from hj_cosim.vehicles.mobil import GAIN_THRESHOLD, NOBODY, POLITENESS, lane_change_incentive
 
 # Rows of a scene's state, an array (5, M): a column for each of the M vehicles, in the order of their positions.
 POSITION = 0  # m along the road
@@ -50,7 +50,10 @@ HARDEST_BRAKING = 9.0  # m/s²
 class PredictionModel(NamedTuple):
     """What the prediction depends on and no plan changes."""
 
-    drivers: np.ndarray  # (M, 6) the mean driver, once for each vehicle (MOBIL reads a row per car)
+    # The mean driver's IDM parameters: as a tuple, of which kernels keep sums and roots in registers, and as an
+    # array (M, 6) with a row for each vehicle, as MOBIL reads them.
+    driver: tuple[float, float, float, float, float, float]
+    drivers: np.ndarray
     mobil: np.ndarray  # (3,) MOBIL's parameters
     lane_count: int
     lane_width: float  # m
@@ -71,7 +74,7 @@ class Scene(NamedTuple):
     motion: np.ndarray  # (2, 2, M, K + 1): SHARED or REACTING; POSITION or SPEED; vehicle; instant
     robot_motion: np.ndarray  # (3, K + 1), rows POSITION, SPEED, LATERAL
     robot_lanes: np.ndarray  # (K + 1,) int64, bit sets of the lanes in which drivers notice the robot
-    nearest: np.ndarray  # (lanes,) int64, the car seen last in each lane
+    nearest: np.ndarray  # (2, lanes) int64, the vehicle and the car (not the robot) seen last in each lane
 
 
 def empty_scene(vehicles: int, steps: int, lane_count: int) -> Scene:
@@ -82,7 +85,7 @@ def empty_scene(vehicles: int, steps: int, lane_count: int) -> Scene:
         motion=np.zeros((2, 2, vehicles, steps + 1)),
         robot_motion=np.zeros((3, steps + 1)),
         robot_lanes=np.zeros(steps + 1, np.int64),
-        nearest=np.zeros(lane_count, np.int64),
+        nearest=np.zeros((2, lane_count), np.int64),
     )
 
 
@@ -108,57 +111,92 @@ def sort_by_position(state: np.ndarray, place: np.ndarray) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def change_lanes(state: np.ndarray, place: np.ndarray, robot: int, model: PredictionModel) -> None:
-    """Let each car that is not changing lanes yet begin to, where MOBIL wants it.
+def decide_and_find_leaders(scene: Scene, robot: int, model: PredictionModel) -> None:
+    """Let the cars decide on their lanes, and find the nearest car ahead of each, and who is nearest behind the robot.
 
-    One car after the other, from the back to the front, so that no two take the same gap at once.
+    One sweep from the front to the back remembers the last vehicle seen in each lane. A car that begins to change
+    lanes is in both for those behind it, so that no two take the same gap at once.
     """
-    lane, second_lane = place[LANE], place[SECOND_LANE]
-    for car in range(state.shape[1]):
-        if car == robot or lane[car] != second_lane[car]:
-            continue
-        here = lane[car]
-        best = 0.0
-        for target in (here + 1, here - 1):
-            if target < 0 or target >= model.lane_count:
-                continue
-            incentive = lane_change_incentive(
-                car,
-                target,
-                state[POSITION],
-                state[SPEED],
-                place[LANE],
-                place[SECOND_LANE],
-                state[LENGTH],
-                model.drivers,
-                model.mobil,
-            )
-            if incentive > best:
-                best = incentive
-                lane[car] = target
+    position, speed, length = scene.state[POSITION], scene.state[SPEED], scene.state[LENGTH]
+    lane, second_lane = scene.place[LANE], scene.place[SECOND_LANE]
+    leader, follows_in = scene.place[LEADER], scene.place[FOLLOWS_IN]
+    vehicles, cars = scene.nearest[0], scene.nearest[1]
+    driver, drivers, mobil, lane_count = model.driver, model.drivers, model.mobil, model.lane_count
+    vehicles[:] = NOBODY
+    cars[:] = NOBODY
+    taken = 0  # the lanes in which the nearest car behind the robot has been found
+    for car in range(len(position) - 1, -1, -1):
+        if car != robot:
+            if lane[car] == second_lane[car]:
+                lane[car] = wanted_lane(
+                    car, vehicles, position, speed, lane, second_lane, length, driver, drivers, mobil, lane_count
+                )
+            ahead, other_ahead = cars[lane[car]], cars[second_lane[car]]
+            leader[car] = other_ahead if ahead == NOBODY or NOBODY < other_ahead < ahead else ahead
+            follows_in[car] = 0
+            if car < robot:
+                lanes = (1 << lane[car]) | (1 << second_lane[car])
+                follows_in[car] = lanes & ~taken
+                taken |= lanes
+            cars[lane[car]] = car
+            cars[second_lane[car]] = car
+        vehicles[lane[car]] = car
+        vehicles[second_lane[car]] = car
 
 
 @njit(cache=True, error_model="numpy")
-def find_leaders(place: np.ndarray, robot: int, nearest: np.ndarray) -> None:
-    """Find each car's nearest car ahead in the lanes that it occupies, and who is nearest behind the robot.
+def wanted_lane(
+    car: int,
+    ahead: np.ndarray,
+    position: np.ndarray,
+    speed: np.ndarray,
+    lane: np.ndarray,
+    second_lane: np.ndarray,
+    length: np.ndarray,
+    driver: tuple[float, ...],
+    drivers: np.ndarray,
+    mobil: np.ndarray,
+    lane_count: int,
+) -> int:
+    """Return the lane that a car drives to by MOBIL, its own where it stays.
 
-    One sweep from the front to the back, which remembers the last car seen in each lane.
+    Without politeness no lane is wanted in which the car itself would not gain more than the threshold, and that
+    is seen from the vehicles ahead alone; only the few lanes that pass are asked of MOBIL.
+
+    Args:
+        car: its column.
+        ahead: (lanes,) the nearest vehicle ahead of it in each lane.
+        position, speed, lane, second_lane, length: (M,) rows of the scene.
+        driver: the car's IDM parameters.
+        drivers: (M, 6) all vehicles'.
+        mobil: (3,) MOBIL's parameters.
+        lane_count: lanes of the road.
     """
-    nearest[:] = NOBODY
-    taken = 0  # the lanes in which the nearest car behind the robot has been found
-    for car in range(place.shape[1] - 1, -1, -1):
-        if car == robot:
+    here = lane[car]
+    wanted, best = here, 0.0
+    now = acceleration_behind(ahead[here], car, position, speed, length, driver)
+    for target in (here + 1, here - 1):  # the left first: it wins a tie
+        if target < 0 or target >= lane_count:
             continue
-        lane, second_lane = place[LANE, car], place[SECOND_LANE, car]
-        ahead, other_ahead = nearest[lane], nearest[second_lane]
-        place[LEADER, car] = other_ahead if ahead == NOBODY or NOBODY < other_ahead < ahead else ahead
-        place[FOLLOWS_IN, car] = 0
-        if car < robot:
-            lanes = (1 << lane) | (1 << second_lane)
-            place[FOLLOWS_IN, car] = lanes & ~taken
-            taken |= lanes
-        nearest[lane] = car
-        nearest[second_lane] = car
+        if mobil[POLITENESS] == 0.0:
+            gain = acceleration_behind(ahead[target], car, position, speed, length, driver) - now
+            if gain <= mobil[GAIN_THRESHOLD]:
+                continue
+        incentive = lane_change_incentive(car, target, position, speed, lane, second_lane, length, drivers, mobil)
+        if incentive > best:
+            wanted, best = target, incentive
+    return wanted
+
+
+@njit(cache=True, error_model="numpy")
+def acceleration_behind(
+    leader: int, car: int, position: np.ndarray, speed: np.ndarray, length: np.ndarray, driver: tuple[float, ...]
+) -> float:
+    """Return IDM's acceleration of a car behind `leader`, or on a free road where that is NOBODY, m/s²."""
+    if leader == NOBODY:
+        return idm_acceleration(speed[car], math.inf, 0.0, driver)
+    gap = position[leader] - position[car] - 0.5 * (length[leader] + length[car])
+    return idm_acceleration(speed[car], gap, speed[leader], driver)
 
 
 @njit(cache=True, error_model="numpy")
@@ -169,7 +207,7 @@ def follow(
     robot_gap: float,
     lanes: int,
     scene: Scene,
-    driver: np.ndarray,
+    driver: tuple[float, ...],
     step: float,
 ) -> None:
     """Drive one car through the action behind its leader, or behind the robot while that is nearer.
@@ -183,7 +221,7 @@ def follow(
         robot_gap: half the lengths of the car and the robot, m.
         lanes: bit set of the lanes in which it follows the robot; 0 for none.
         scene: whose motion is written.
-        driver: (6,) IDM parameters.
+        driver: IDM parameters.
         step: s.
     """
     state, motion = scene.state, scene.motion
@@ -210,14 +248,15 @@ def follow(
 
 
 @njit(cache=True, error_model="numpy")
-def drive_cars(scene: Scene, robot: int, occupied: int, model: PredictionModel) -> None:
-    """Drive the cars through one action, from the front to the back.
+def drive_cars(scene: Scene, robot: int, occupied: int, branch: int, model: PredictionModel) -> None:
+    """Drive the cars of one branch through the action, from the front to the back, and mark which branch each is in.
 
     Args:
         scene: with its leaders found; its motion is written.
         robot: its column.
-        occupied: bit set of the lanes in which the robot is noticed during the action: only the cars that it
-            reaches drive again. 0 drives all cars as if the robot were not there.
+        occupied: bit set of the lanes in which the robot is noticed: those that are occupied now for SHARED, those
+            that are occupied at any instant of the action for REACTING.
+        branch: which cars drive; those of the other branch are only marked.
         model: the prediction's.
     """
     place = scene.place
@@ -228,12 +267,10 @@ def drive_cars(scene: Scene, robot: int, occupied: int, model: PredictionModel) 
         if place[LEADER, car] != NOBODY:
             leader_branch = place[BRANCH, place[LEADER, car]]
         lanes = place[FOLLOWS_IN, car] & occupied
-        reached = lanes != 0 or (occupied != 0 and leader_branch == REACTING)
-        place[BRANCH, car] = REACTING if reached else SHARED
-        if reached or occupied == 0:
+        place[BRANCH, car] = REACTING if lanes != 0 or leader_branch == REACTING else SHARED
+        if place[BRANCH, car] == branch:
             robot_gap = 0.5 * (scene.state[LENGTH, car] + scene.state[LENGTH, robot])
-            branch = place[BRANCH, car]
-            follow(car, branch, leader_branch, robot_gap, lanes, scene, model.drivers[0], model.step)
+            follow(car, branch, leader_branch, robot_gap, lanes, scene, model.driver, model.step)
 
 
 @njit(cache=True, error_model="numpy")
@@ -255,7 +292,7 @@ def drive_robot(
         scene.robot_motion[POSITION, now] = position
         scene.robot_motion[SPEED, now] = speed
         scene.robot_motion[LATERAL, now] = lateral
-        scene.robot_lanes[now] = noticed_lanes(lateral, model.lane_count, model.lane_width, model.notice_reach)
+        scene.robot_lanes[now] = noticed_lanes(lateral, model)
         occupied |= scene.robot_lanes[now]
         excess = speed - planned_speed
         position += planned_speed * model.step + excess * (1.0 - model.speed_kept) * model.speed_response
@@ -274,11 +311,11 @@ def approach(value: float, target: float, distance: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def noticed_lanes(lateral: float, lane_count: int, lane_width: float, reach: float) -> int:
-    """Return the bit set of the lanes whose centre lines are nearer than `reach` to `lateral` (m)."""
+def noticed_lanes(lateral: float, model: PredictionModel) -> int:
+    """Return the bit set of the lanes in which drivers notice a robot whose centre is at `lateral` (m)."""
     lanes = 0
-    for lane in range(lane_count):
-        if abs(lateral - lane * lane_width) < reach:
+    for lane in range(model.lane_count):
+        if abs(lateral - lane * model.lane_width) < model.notice_reach:
             lanes |= 1 << lane
     return lanes
 

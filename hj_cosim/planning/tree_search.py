@@ -22,17 +22,19 @@ from hj_cosim.planning.prediction import (
     LATERAL,
     LENGTH,
     POSITION,
+    REACTING,
     SECOND_LANE,
+    SHARED,
     SPEED,
     VEHICLE,
     WIDTH,
     PredictionModel,
     Scene,
     approach,
-    change_lanes,
+    decide_and_find_leaders,
     drive_cars,
     drive_robot,
-    find_leaders,
+    noticed_lanes,
     robot_crashes,
     sort_by_position,
 )
@@ -119,9 +121,8 @@ def search(
         node = tree.leaf[0]
         leaves = pop_leaf(tree.bound, tree.leaf, nodes, leaves)
         robot = open_scene(tree.state[node], tree.place[node], scene.state, scene.place, bodies)
-        change_lanes(scene.state, scene.place, robot, prediction)
-        find_leaders(scene.place, robot, scene.nearest)
-        drive_cars(scene, robot, 0, prediction)
+        decide_and_find_leaders(scene, robot, prediction)
+        drive_cars(scene, robot, noticed_lanes(scene.state[LATERAL, robot], prediction), SHARED, prediction)
         expansions += 1
         weight = actions.discount ** nodes[node].depth
         for action in range(ACTION_COUNT):
@@ -130,7 +131,7 @@ def search(
             if not (0 <= lane < prediction.lane_count and actions.speed_floor <= speed <= actions.speed_high):
                 continue
             occupied, heading = drive_robot(scene, robot, lane, speed, prediction)
-            drive_cars(scene, robot, occupied, prediction)
+            drive_cars(scene, robot, occupied, REACTING, prediction)
             crashed = robot_crashes(scene, robot, prediction)
             close_scene(tree.state[count], tree.place[count], scene, robot, prediction)
             worst = math.inf
