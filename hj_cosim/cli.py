@@ -4,13 +4,14 @@ The library is imported inside the commands, so that `--help` and mistakes are a
 """
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from hj_cosim.console import bar, messages, plain_table, print_json, progress_bars, results, summary_table
-from hj_cosim.errors import HjCosimError
+from hj_cosim.errors import ConfigurationError, HjCosimError
 
 
 def _example(*lines: str) -> str:
@@ -52,7 +53,7 @@ def run(
     """Drive one episode and write its folder."""
     from hj_cosim.analysis.run_folder import require_free_folder
     from hj_cosim.cosim.configuration import resolve_config, stack_flags
-    from hj_cosim.cosim.episode import new_run_folder, run_in_sumo, write_episode
+    from hj_cosim.cosim.episode import draw_episode, new_run_folder, run_in_sumo, write_episode
     from hj_cosim.reachability.value_table import load_table
 
     flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
@@ -63,8 +64,11 @@ def run(
         value_table = load_table(config.table, bar(bars, f"solving table {config.table}"))
         episode = run_in_sumo(config, value_table, bar(bars, f"driving {config.scenario.name}"))
         drawn = bar(bars, "writing and drawing")
+        drawn(0, 2)
         write_episode(episode, folder)
-        drawn(1, 1)
+        drawn(1, 2)
+        draw_episode(folder)
+        drawn(2, 2)
     if as_json:
         print_json({**episode.summary, "folder": str(folder)})
     else:
@@ -81,7 +85,7 @@ def scenarios(
     """List the scenarios, their roads and densities."""
 
 
-@app.command(epilog=_example("hj-cosim export runs/paper-0 --format csv --out drive.csv"))
+@app.command(epilog=_example("hj-cosim export runs/paper-hjop-spc-mi-0 --format csv --out drive.csv"))
 def export(
     folder: RunFolder,
     format: Annotated[str, typer.Option(help="csv, parquet or fcd (SUMO's floating car data XML).")] = "csv",
@@ -89,31 +93,64 @@ def export(
     as_json: Json = False,
 ) -> None:
     """Write a run's trajectories in another format."""
+    from hj_cosim.analysis.export import export_run
+
+    written = export_run(folder, format, out)
+    if as_json:
+        print_json({"file": str(written), "bytes": written.stat().st_size})
+    else:
+        results.print(f"wrote [bold]{written}[/bold] ({written.stat().st_size / 1e6:.1f} MB)")
 
 
 @table_app.command("solve", epilog=_example("hj-cosim table solve highway --scheme first_order --out quick.npz"))
 def table_solve(
     specification: Specification,
-    shape: Annotated[list[int] | None, typer.Option(help="Nodes an axis, once for each axis.")] = None,
+    shape: Annotated[list[int] | None, typer.Option(help="Nodes of an axis; once for each axis.")] = None,
     scheme: Annotated[str | None, typer.Option(help="first_order, eno2, weno3 or weno5.")] = None,
     out: Annotated[Path | None, typer.Option(help="The .npz to write; beside the others by default.")] = None,
     as_json: Json = False,
 ) -> None:
     """Solve a value table and write it."""
+    from hj_cosim.reachability.value_table import changed_specification, find_specification, solve_table, table_path
+
+    path = find_specification(specification)
+    changed = changed_specification(path, shape=shape, scheme=scheme)
+    if out is None and (shape or scheme):
+        raise ConfigurationError(f"--shape and --scheme make another table than {path} says: name its file with --out")
+    target = out or table_path(path)
+    with progress_bars() as bars:
+        table = solve_table(changed, bar(bars, f"solving table {path.stem}"))
+    table.save(target)
+    _show_report(table, target, as_json)
+
+
+def _show_report(table: Any, path: Path, as_json: bool) -> None:
+    report = {**asdict(table.report), "file": str(path)}
+    if as_json:
+        print_json(report)
+    else:
+        results.print(plain_table(f"value table {path.stem}", ("what", "value"), list(report.items())))
 
 
 @table_app.command("list", epilog=_example("hj-cosim table list"))
 def table_list(as_json: Json = False) -> None:
     """List the specifications, and which of them are solved."""
+    from hj_cosim.reachability.value_table import table_overview
+
+    rows = [asdict(row) for row in table_overview()]
+    if as_json:
+        print_json(rows)
+    else:
+        results.print(plain_table("value tables", list(rows[0]), [list(row.values()) for row in rows]))
 
 
-@table_app.command("show", epilog=_example("hj-cosim table show highway --out slice.png"))
+@table_app.command("show", epilog=_example("hj-cosim table show highway --out slices.png"))
 def table_show(
     specification: Specification,
-    out: Annotated[Path | None, typer.Option(help="Where to draw slices; beside the table by default.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Where to draw slices; runs/<name>-slices.png by default.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Print how a table was solved, and draw slices of it."""
+    """Print how a table was solved, and draw slices of it, the paper's among them."""
 
 
 def main() -> None:

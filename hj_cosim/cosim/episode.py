@@ -9,7 +9,7 @@ from typing import Any
 
 from hj_cosim.analysis.metrics import collides
 from hj_cosim.analysis.record import RunRecord
-from hj_cosim.analysis.run_folder import require_free_folder, write_run
+from hj_cosim.analysis.run_folder import FIGURES, read_run, require_free_folder, write_run
 from hj_cosim.analysis.summary import summarize
 from hj_cosim.config import EpisodeConfig
 from hj_cosim.control.safety_filter import SafetyFilter, make_filter
@@ -140,6 +140,26 @@ def write_episode(episode: Episode, folder: Path) -> None:
     write_run(folder, episode.record, config_toml(episode.config), episode.summary)
 
 
+def draw_episode(folder: Path) -> list[Path]:
+    """Draw a run's pictures into its folder: the drive from above, and its time line.
+
+    Returns:
+        The files written.
+
+    Raises:
+        RunFolderError: if `folder` holds no run.
+    """
+    # Matplotlib costs more to import than an episode to drive: only who draws pays for it.
+    from hj_cosim.analysis.figures.snapshots import snapshots
+    from hj_cosim.analysis.figures.style import save_drawing
+    from hj_cosim.analysis.figures.timeline import timeline
+
+    run = read_run(folder)
+    figures = folder / FIGURES
+    drawings = {"snapshots.png": snapshots(run), "timeline.png": timeline(run)}
+    return [path for name, drawing in drawings.items() for path in save_drawing(drawing, figures / name)]
+
+
 def run_episode(
     scenario: str = "paper",
     *,
@@ -182,4 +202,5 @@ def run_episode(
     episode = run_in_sumo(config, load_table(config.table), progress)
     if out is not None:
         write_episode(episode, Path(out))
+        draw_episode(Path(out))
     return episode

@@ -1,0 +1,27 @@
+"""Names and paths: what a user calls a thing, and where it lies."""
+
+import pytest
+
+from hj_cosim import locations
+from hj_cosim.errors import ConfigurationError
+
+
+def test_name_and_path_mean_the_same_file():
+    path = locations.scenarios_folder() / "paper.toml"
+    assert locations.find_toml("paper", locations.scenarios_folder(), "scenario") == path
+    assert locations.find_toml(str(path), locations.scenarios_folder(), "scenario") == path
+
+
+def test_unknown_name_is_answered_with_the_names_that_exist():
+    with pytest.raises(ConfigurationError, match=r"no scenario is called 'papr'; choose one of .*paper.*\.toml"):
+        locations.find_toml("papr", locations.scenarios_folder(), "scenario")
+
+
+def test_path_to_nowhere_is_named():
+    with pytest.raises(ConfigurationError, match=r"scenario file nowhere/x\.toml does not exist"):
+        locations.find_toml("nowhere/x.toml", locations.scenarios_folder(), "scenario")
+
+
+def test_outside_a_clone_runs_go_to_the_current_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert locations.runs_folder() == tmp_path / "runs"
