@@ -23,13 +23,11 @@ from hj_cosim.errors import TableError
 from hj_cosim.reachability import kernel
 from hj_cosim.reachability.dynamics import DISSIPATION, HAMILTONIAN, TARGET, Dynamics, pointer
 from hj_cosim.reachability.grid import Grid
+from hj_cosim.reachability.layout import lay_out
 from hj_cosim.reachability.schemes import DERIVATIVES, LINE, SCHEMES
 
 # Called with the steps done and the steps there are.
 Progress = Callable[[int, int], None]
-
-# TVD Runge-Kutta as convex combinations: each stage is share · V_n + (1 − share) · (V + Δt L(V)).
-_SHARES = {1: (0.0,), 2: (0.0, 0.5), 3: (0.0, 0.75, 1.0 / 3.0)}
 
 # Pieces per thread and stage: a thread that the machine holds up leaves pieces to the others.
 _PIECES = 4
@@ -65,93 +63,48 @@ def state_limits(dynamics: Dynamics, grid: Grid, limited: bool) -> np.ndarray:
 
 
 class Problem:
-    """A game on a grid, laid out in memory for the kernel."""
+    """A game on a grid, laid out in memory for the kernel, with its functions as C functions."""
 
     def __init__(self, dynamics: Dynamics, grid: Grid, specification: TableSpecification, source: str) -> None:
-        self.dynamics = dynamics
-        self.grid = grid
-        self.specification = specification
         scheme = SCHEMES[specification.scheme]
         self.runge_kutta = specification.runge_kutta or scheme.runge_kutta
-        # The line axis last, so that lines are contiguous; the order of the others is the state's.
-        line_axis = dynamics.line_axis
-        self.order = [axis for axis in range(grid.dimension) if axis != line_axis] + [line_axis]
-        self.layout = _layout(dynamics, grid, self.order)
-        self.game = kernel.Game(
-            target=pointer(dynamics.target, TARGET),
-            hamiltonian=pointer(dynamics.hamiltonian, HAMILTONIAN),
-            dissipation=pointer(dynamics.dissipation, DISSIPATION),
-            derivatives=pointer(scheme.derivatives, DERIVATIVES),
-            radius=scheme.radius,
-            parameters=dynamics.parameter_values(specification.parameters, source),
-            limits=state_limits(dynamics, grid, specification.state_limits),
+        self.layout = layout = lay_out(dynamics, grid, scheme.radius)
+        self.parameters = dynamics.parameter_values(specification.parameters, source)
+        self.target = pointer(dynamics.target, TARGET)
+        dissipation = pointer(dynamics.dissipation, DISSIPATION)
+        # What the kernels take, in their order.
+        self.nodes = (layout.nodes, np.array(layout.order), layout.coordinates)
+        self.stage = (
+            layout.inverse_spacing,
+            layout.stencils,
+            layout.mirror_shifts,
+            layout.line_boundary,
+            pointer(scheme.derivatives, DERIVATIVES),
+            pointer(dynamics.hamiltonian, HAMILTONIAN),
+            dissipation,
+            self.parameters,
+            state_limits(dynamics, grid, specification.state_limits),
         )
-
-    @property
-    def stored_nodes(self) -> int:
-        """How many nodes are computed; the mirror gives the rest."""
-        return int(np.prod(self.layout.shape))
-
-    def time_step(self) -> float:
-        """Return the time step that the CFL number allows, s."""
-        return self.specification.cfl / kernel.largest_speed(self.layout, self.game)
+        speed = kernel.largest_speed(*self.nodes, layout.inverse_spacing, dissipation, self.parameters)
+        self.time_step = specification.cfl / speed
 
     def buffer(self) -> np.ndarray:
         """Return room for the stored nodes; vector loops read a little past the end."""
-        return np.zeros(self.stored_nodes + LINE, np.float32)
-
-    def whole(self, stored: np.ndarray) -> np.ndarray:
-        """Return the values on the whole grid, axes in the state's order, from the stored part."""
-        values = stored[: self.stored_nodes].reshape(tuple(self.layout.shape))
-        if self.layout.fold >= 0:
-            image = values
-            for axis in np.flatnonzero(self.layout.mirrored):
-                image = np.flip(image, axis)
-                if self.layout.boundary[axis] == kernel.PERIODIC and axis != self.layout.fold:
-                    image = np.roll(image, 1, axis)  # node k mirrors node −k, so node 0 stays
-            centre = [slice(None)] * values.ndim
-            if self.layout.fold_centre:
-                centre[self.layout.fold] = slice(0, -1)
-            values = np.concatenate([image[tuple(centre)], values], self.layout.fold)
-        return np.ascontiguousarray(values.transpose(np.argsort(self.order)))
-
-
-def _layout(dynamics: Dynamics, grid: Grid, order: list[int]) -> kernel.Layout:
-    codes = {"linear": kernel.LINEAR, "away_from_zero": kernel.AWAY_FROM_ZERO, "periodic": kernel.PERIODIC}
-    shape = np.array(grid.shape)[order]
-    origin = np.array(grid.lower)[order]
-    spacing = grid.spacing[order]
-    boundary = np.array([codes[grid.boundary[axis]] for axis in order])
-    mirrored = np.zeros(grid.dimension, np.int64)
-    fold, fold_centre = -1, 0
-    foldable = [axis for axis in dynamics.mirrored_axes if grid.boundary[axis] != "periodic"]
-    if foldable and all(grid.mirrors_itself(axis) for axis in dynamics.mirrored_axes):
-        for axis in dynamics.mirrored_axes:
-            mirrored[order.index(axis)] = 1
-        fold = order.index(foldable[0])
-        fold_centre = int(shape[fold] % 2)
-        origin[fold] = 0.0 if fold_centre else spacing[fold] / 2.0
-        shape[fold] = (shape[fold] + 1) // 2
-    strides = np.ones(grid.dimension, np.int64)
-    strides[:-1] = np.cumprod(shape[:0:-1])[::-1]
-    return kernel.Layout(
-        shape.astype(np.int64), strides, np.array(order, np.int64), boundary, mirrored, fold, fold_centre,
-        origin, spacing,
-    )  # fmt: skip
+        return np.zeros(self.layout.stored_nodes + LINE, np.float32)
 
 
 @contextmanager
 def _line_workers(problem: Problem) -> Iterator[Callable[..., None]]:
     """Yield a function that runs a kernel over all lines, shared between as many threads as there are cores."""
     workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    lines = kernel.line_count(problem.layout)
+    lines = problem.layout.lines
     pieces = max(1, min(_PIECES * workers, lines // 8)) if workers > 1 else 1
     edges = np.linspace(0, lines, pieces + 1).astype(np.int64)
     with ThreadPoolExecutor(workers) as pool:
 
         def over_lines(function: Callable[..., None], *arguments: object) -> None:
             parts = [
-                pool.submit(function, first, end, problem.layout, problem.game, *arguments)
+                pool.submit(function, first, end, *problem.nodes, *arguments)
                 for first, end in zip(edges[:-1], edges[1:], strict=True)
             ]
             for part in parts:
@@ -184,16 +137,16 @@ def solve(
     problem = Problem(dynamics, grid, specification, source)
     values, first, second = problem.buffer(), problem.buffer(), problem.buffer()
     with _line_workers(problem) as over_lines:
-        over_lines(kernel.target_lines, values)
-        floor = np.float32(values[: problem.stored_nodes].min() if specification.clamp else -np.inf)
-        step = problem.time_step()
+        over_lines(kernel.target_lines, problem.target, problem.parameters, values)
+        floor = np.float32(values[: problem.layout.stored_nodes].min() if specification.clamp else -np.inf)
+        step = problem.time_step
         steps = math.ceil(specification.horizon / step - 1e-9)
         before = values
         for number in range(steps):
             if number == steps - 1:
                 step = specification.horizon - number * step
                 before = values.copy()
-            _runge_kutta_step(over_lines, problem.runge_kutta, values, first, second, np.float32(step), floor)
+            _runge_kutta_step(over_lines, problem, values, first, second, np.float32(step), floor)
             if problem.runge_kutta == 1:
                 values, first = first, values
             if progress is not None:
@@ -202,7 +155,7 @@ def solve(
     if not math.isfinite(residual) or not np.isfinite(values).all():
         raise TableError(f"{source}: the solution is not finite; check the dynamics, or lower cfl")
     del first, second, before
-    whole = problem.whole(values)
+    whole = problem.layout.whole(values)
     seconds = time.perf_counter() - began
     return whole, SolveReport(
         shape=grid.shape,
@@ -210,7 +163,7 @@ def solve(
         runge_kutta=problem.runge_kutta,
         horizon=specification.horizon,
         steps=steps,
-        time_step=problem.time_step(),
+        time_step=problem.time_step,
         seconds=seconds,
         cell_updates_per_second=grid.cells * steps * problem.runge_kutta / seconds,
         peak_memory_mib=_peak_memory_mib(),
@@ -222,7 +175,7 @@ def solve(
 
 def _runge_kutta_step(
     over_lines: Callable[..., None],
-    order: int,
+    problem: Problem,
     values: np.ndarray,
     first: np.ndarray,
     second: np.ndarray,
@@ -230,13 +183,16 @@ def _runge_kutta_step(
     floor: np.float32,
 ) -> None:
     """Advance `values` in place by one step; of order 1 the result is in `first`."""
-    shares = [np.float32(share) for share in _SHARES[order]]
-    over_lines(kernel.advance_lines, values, values, first, shares[0], step, floor)
-    if order == 2:
-        over_lines(kernel.advance_lines, first, values, values, shares[1], step, floor)
-    if order == 3:
-        over_lines(kernel.advance_lines, first, values, second, shares[1], step, floor)
-        over_lines(kernel.advance_lines, second, values, values, shares[2], step, floor)
+
+    def stage(source: np.ndarray, target: np.ndarray, share: float) -> None:
+        over_lines(kernel.advance_lines, *problem.stage, source, values, target, np.float32(share), step, floor)
+
+    stage(values, first, 0.0)
+    if problem.runge_kutta == 2:
+        stage(first, values, 0.5)
+    if problem.runge_kutta == 3:
+        stage(first, second, 0.75)
+        stage(second, values, 1.0 / 3.0)
 
 
 def _peak_memory_mib() -> float:
