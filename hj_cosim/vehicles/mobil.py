@@ -130,7 +130,8 @@ def lane_decisions(
 ) -> np.ndarray:
     """Return the lane that each deciding car wants to be in; its own where it stays.
 
-    A car in the middle of a change (lane and second lane differ) goes on with it and decides nothing.
+    A car in the middle of a change (lane and second lane differ) goes on with it and decides nothing. The cars
+    decide one after another, from the rear: two of them never want the same gap in the same instant.
 
     Args:
         deciding: (J,) bool, the cars whose turn it is.
@@ -141,6 +142,7 @@ def lane_decisions(
         (J,) int, the wanted lanes.
     """
     wanted = lane.copy()
+    occupied = second_lane.copy()
     for car in range(len(position)):
         if not deciding[car] or lane[car] != second_lane[car]:
             continue
@@ -148,10 +150,11 @@ def lane_decisions(
         for target in (lane[car] + 1, lane[car] - 1):  # the left first: it wins a tie
             if target < 0 or target >= lane_count:
                 continue
-            incentive = lane_change_incentive(car, target, position, speed, lane, second_lane, length, drivers, mobil)
+            incentive = lane_change_incentive(car, target, position, speed, lane, occupied, length, drivers, mobil)
             if incentive > best:
                 best = incentive
                 wanted[car] = target
+        occupied[car] = wanted[car]
     return wanted
 
 
