@@ -1,0 +1,438 @@
+"""The guarantee of safety-preserving control, measured: rollouts against the worst other car that the table knows.
+
+The robot is filtered by SPC, the other cars play the disturbance that lowers V most, and everything starts just above
+ε. In continuous time, with the exact infinite-horizon V, no rollout could end in the target set. What is lost on the
+way has four causes, and every rollout that enters the target set is put down to one of them:
+
+- interpolation: V between the nodes is above 0 where the formula V(0, ·) is not;
+- grid: a car came into the table from beyond its edge with V <= 0 already;
+- horizon: no control could hold V; V(−3 s) is not the infinite-horizon value, or a kink of the table has no row that
+  can be met: the loss ∫ t dt of unmet rows is the largest;
+- time step: V fell although the rows were met, for the control is held for a step while the gradient changes.
+"""
+
+import math
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hj_cosim.config import FilterSettings, RobotSettings, TrackingSettings
+from hj_cosim.control.hji_rows import Disturbance, worst_drift
+from hj_cosim.control.safety_problem import SafetyWeights, available_controls, least_cost_control
+from hj_cosim.errors import ConfigurationError
+from hj_cosim.reachability.lookup import TableArrays, value_and_gradient_at
+from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
+from hj_cosim.vehicles.idm import idm_acceleration
+
+Desire = Literal["cruise", "random", "collide"]
+Model = Literal["game", "bicycle"]
+Others = Literal["adversary", "driver"]
+
+CAUSES = ("interpolation", "grid", "horizon", "time step")
+
+_DESIRES: Mapping[Desire, int] = {"cruise": 0, "random": 1, "collide": 2}
+_CHUNK = 1000  # rollouts simulated before their trajectories are judged; bounds the memory
+_RANDOM_HOLD = 25  # steps for which a random desire lasts
+_ROUNDS = 4000  # draws for each start before it is given up
+
+
+@dataclass(frozen=True)
+class RolloutSettings:
+    """What is rolled out."""
+
+    rollouts: int = 100_000
+    duration: float = 10.0  # s
+    step: float = 0.02  # s
+    desire: Desire = (
+        "cruise"  # what the filter is given: lane and speed kept, anything, or the control that lowers V most
+    )
+    model: Model = "game"  # how the robot moves: as the table assumes, or as the bicycle does
+    others: Others = "adversary"  # who the other cars are: the worst for V, or IDM drivers that keep their lane
+    cars: int = 1  # other cars, each of them a pair with V just above ε
+    band: float = 0.5  # m; starts have ε < V <= ε + band
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class GuaranteeReport:
+    """What became of the rollouts."""
+
+    settings: RolloutSettings
+    epsilon: float  # m
+    rollouts: int  # that could be started
+    entered: int  # rollouts that entered the target set, V(0, ·) <= 0
+    collided: int  # rollouts in which bodies overlapped
+    fall_median: float  # m, of V below ε: how far it fell at most in a rollout
+    fall_p99: float
+    fall_p999: float
+    fall_max: float
+    unmet_percent: float  # of the steps with cars in K, those whose rows could not be met
+    causes: Mapping[str, int]  # of the rollouts that entered
+
+    @property
+    def entered_percent(self) -> float:
+        """Share of the rollouts that entered the target set, %."""
+        return 100.0 * self.entered / max(self.rollouts, 1)
+
+
+class _Game(NamedTuple):
+    """What stays the same over all rollouts, as the kernel takes it."""
+
+    table: TableArrays
+    limits: np.ndarray  # (4,) lower and upper ω, lower and upper a
+    bounds: np.ndarray  # (4,) lower and upper θ, lower and upper v
+    other_speed_max: float
+    weights: np.ndarray  # (3,) λ
+    slack_is_free: bool
+    epsilon: float
+    step: float
+    other: Disturbance
+    driver: np.ndarray  # (6,) IDM parameters
+    k_theta: float
+    wheelbase: float
+    length: float
+    width: float
+
+
+@njit(cache=True)
+def _worst_inputs(gradient: np.ndarray, speed: float, other: Disturbance) -> tuple[float, float]:
+    """Return (θ_o, a_o) that lower V most."""
+    heading = math.atan2(gradient[1], gradient[0])
+    acceleration = other.acceleration_min if gradient[4] > 0.0 else other.acceleration_max
+    return min(max(heading, -other.heading_max), other.heading_max), acceleration
+
+
+@njit(cache=True)
+def _gradient_within(game: _Game, state: np.ndarray, gradient: np.ndarray) -> float:
+    """Return V, and write ∇V; beyond the table V is +inf, and the gradient that of the nearest place on its edge."""
+    table = game.table
+    low, cells = table.lower, table.values.shape
+    x = min(max(state[0], low[0]), low[0] + (cells[0] - 1) / table.inverse_spacing[0])
+    y = min(max(state[1], low[1]), low[1] + (cells[1] - 1) / table.inverse_spacing[1])
+    value = value_and_gradient_at(table, x, y, state[2], state[3], state[4], gradient)
+    return value if x == state[0] and y == state[1] else math.inf
+
+
+@njit(cache=True)
+def _game_step(robot: np.ndarray, omega: float, acceleration: float, speed_max: float, step: float) -> None:
+    """Move the robot as the game's unicycle does, in place; Simpson's rule along the turn is exact to step⁵."""
+    speed, heading = robot[3], robot[2]
+    end = min(max(speed + acceleration * step, 0.0), speed_max)
+    middle, middle_heading, end_heading = 0.5 * (speed + end), heading + 0.5 * omega * step, heading + omega * step
+    robot[0] += (
+        step / 6.0 * (speed * math.cos(heading) + 4.0 * middle * math.cos(middle_heading) + end * math.cos(end_heading))
+    )
+    robot[1] += (
+        step / 6.0 * (speed * math.sin(heading) + 4.0 * middle * math.sin(middle_heading) + end * math.sin(end_heading))
+    )
+    robot[2], robot[3] = end_heading, end
+
+
+@njit(cache=True)
+def _desired_control(
+    game: _Game, desire: int, sample: int, heading: float, slope: np.ndarray, random: np.ndarray
+) -> tuple[float, float]:
+    """Return (ω, a) that the filter is asked for; `slope` is (∂V/∂θ, ∂V/∂v) of the least V."""
+    limits = game.limits
+    if desire == 0:
+        return min(max(-game.k_theta * heading, limits[0]), limits[1]), 0.0
+    if desire == 1:
+        return random[sample // _RANDOM_HOLD, 0], random[sample // _RANDOM_HOLD, 1]
+    return (limits[0] if slope[0] > 0.0 else limits[1]), (limits[2] if slope[1] > 0.0 else limits[3])
+
+
+@njit(cache=True, nogil=True)
+def _roll_out(
+    game: _Game,
+    desire: int,
+    bicycle: bool,
+    adversarial: bool,
+    robot: np.ndarray,
+    others: np.ndarray,
+    random: np.ndarray,
+    states: np.ndarray,
+    values: np.ndarray,
+    slack: np.ndarray,
+) -> None:
+    """Simulate one rollout.
+
+    Args:
+        game: what does not change.
+        desire, bicycle, adversarial: of RolloutSettings.
+        robot: (4,) p_x, p_y, θ, v; overwritten.
+        others: (cars, 3) x, y, v_o; overwritten.
+        random: (holds, 2) random desires (ω, a), each held for _RANDOM_HOLD steps.
+        states: (samples + 1, cars, 5) float32, written: relative states.
+        values: (samples + 1, cars) float32, written: V.
+        slack: (samples,) float32, written: t of the control; NaN where K is empty.
+    """
+    cars, samples = others.shape[0], slack.shape[0]
+    gradients = np.empty((cars, 5))
+    p, q, c = np.empty(cars), np.empty(cars), np.empty(cars)
+    relative, steepest = np.empty(5), np.zeros(2)
+    cruising = others[:, 2].copy()
+    previous_omega = 0.0
+    for sample in range(samples + 1):
+        count, least = 0, math.inf
+        for j in range(cars):
+            relative[0], relative[1] = robot[0] - others[j, 0], robot[1] - others[j, 1]
+            relative[2], relative[3], relative[4] = robot[2], robot[3], others[j, 2]
+            value = _gradient_within(game, relative, gradients[j])
+            states[sample, j] = relative
+            values[sample, j] = value
+            if j == 0 or value < least:
+                least = value
+                steepest[0], steepest[1] = gradients[j, 2], gradients[j, 3]
+            if value <= game.epsilon:
+                p[count], q[count] = gradients[j, 2], gradients[j, 3]
+                c[count] = worst_drift(gradients[j], robot[2], robot[3], others[j, 2], game.other)
+                count += 1
+        if sample == samples:
+            break
+        omega, acceleration = _desired_control(game, desire, sample, robot[2], steepest, random)
+        box = available_controls(game.limits, robot[2], robot[3], game.bounds, game.step)
+        slack[sample] = np.nan
+        if count > 0:
+            wanted = previous_omega if game.slack_is_free else omega
+            omega, acceleration, slack[sample] = least_cost_control(
+                p[:count], q[:count], c[:count], wanted, acceleration, game.weights, game.slack_is_free, box
+            )
+        previous_omega = omega
+        for j in range(cars):
+            if adversarial:
+                heading, other_acceleration = _worst_inputs(gradients[j], others[j, 2], game.other)
+            else:
+                ahead = robot[0] - others[j, 0]
+                in_lane = ahead > 0.0 and abs(robot[1] - others[j, 1]) < game.width
+                gap = ahead - game.length if in_lane else math.inf
+                game.driver[0] = max(cruising[j], 1.0)  # IDM's desired speed: its own at the start
+                heading = 0.0
+                other_acceleration = max(
+                    idm_acceleration(others[j, 2], gap, robot[3], game.driver), game.other.acceleration_min
+                )
+            end = min(max(others[j, 2] + other_acceleration * game.step, 0.0), game.other_speed_max)
+            driven = 0.5 * (others[j, 2] + end) * game.step
+            others[j, 0] += driven * math.cos(heading)
+            others[j, 1] += driven * math.sin(heading)
+            others[j, 2] = end
+        if bicycle:
+            steering = steering_for(omega, robot[3], game.wheelbase)
+            robot[:] = bicycle_step(robot, steering, acceleration, game.wheelbase, game.bounds[3], game.step)
+        else:
+            _game_step(robot, omega, acceleration, game.bounds[3], game.step)
+
+
+@njit(cache=True, nogil=True)
+def _roll_out_all(
+    game: _Game,
+    desire: int,
+    bicycle: bool,
+    adversarial: bool,
+    robots: np.ndarray,
+    others: np.ndarray,
+    random: np.ndarray,
+    states: np.ndarray,
+    values: np.ndarray,
+    slack: np.ndarray,
+) -> None:
+    """Simulate n rollouts; every array has n rows of what _roll_out takes."""
+    for i in range(len(robots)):
+        _roll_out(game, desire, bicycle, adversarial, robots[i], others[i], random[i], states[i], values[i], slack[i])
+
+
+def measure_guarantee(
+    table: ValueTable,
+    settings: RolloutSettings,
+    filter_settings: FilterSettings | None = None,
+    robot: RobotSettings | None = None,
+    workers: int = 2,
+) -> GuaranteeReport:
+    """Roll out and report how well SPC keeps its promise.
+
+    Args:
+        table: the value function, of the highway game.
+        settings: what to roll out.
+        filter_settings: ε, scheme and λ_3; the defaults unless given. The problem is solved by enumeration.
+        robot: its body and limits; the default unless given.
+        workers: threads.
+
+    Raises:
+        ConfigurationError: if the table has no state with V just above ε.
+        TableError: if the table is not of the highway game.
+    """
+    filter_settings = filter_settings or FilterSettings()
+    robot = robot or RobotSettings()
+    game = _game_of(table, settings, filter_settings, robot)
+    generator = np.random.default_rng(settings.seed)
+    robots, others = _starts(table, game, settings, generator)
+    holds = math.ceil(settings.duration / settings.step / _RANDOM_HOLD)
+    random = generator.uniform(game.limits[::2], game.limits[1::2], (len(robots), holds, 2))
+    chunks = [slice(first, first + _CHUNK) for first in range(0, len(robots), _CHUNK)]
+
+    def judged(chunk: slice) -> _Judged:
+        return _simulate_and_judge(table, game, settings, robots[chunk], others[chunk], random[chunk])
+
+    with ThreadPoolExecutor(workers) as threads:
+        parts = list(threads.map(judged, chunks))
+    return _report(settings, filter_settings.epsilon, parts)
+
+
+def _game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, robot: RobotSettings) -> _Game:
+    weights = SafetyWeights.of(spc, robot)
+    grid = table.grid
+    return _Game(
+        table=table.arrays,
+        limits=np.array([-robot.omega_max, robot.omega_max, robot.acceleration_min, robot.acceleration_max]),
+        bounds=np.array([grid.lower[2], grid.upper[2], 0.0, min(robot.speed_max, grid.upper[3])]),
+        other_speed_max=float(grid.upper[4]),
+        weights=np.array([weights.omega, weights.acceleration, weights.slack]),
+        slack_is_free=weights.slack_is_free,
+        epsilon=spc.epsilon,
+        step=settings.step,
+        other=Disturbance.of(table),
+        driver=np.array([0.0, 3.0, 5.0, 1.5, 5.0, 4.0]),  # SPEC section 4's means; the desired speed is each car's own
+        k_theta=TrackingSettings().k_theta,
+        wheelbase=robot.wheelbase,
+        length=robot.length,
+        width=robot.width,
+    )
+
+
+def _starts(
+    table: ValueTable, game: _Game, settings: RolloutSettings, generator: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return robots (n, 4) at the origin and other cars (n, cars, 3), drawn evenly over the table's states with
+    ε < V <= ε + band; with several cars n may be below what was asked for, where a robot's state allows no such pair.
+    """
+    lower, upper = np.array(table.grid.lower), np.array(table.grid.upper)
+    found = np.empty((settings.rollouts, settings.cars, 5))
+    pending = np.arange(settings.rollouts)
+    for car in range(settings.cars):
+        for _ in range(_ROUNDS):
+            draws = generator.uniform(lower, upper, (len(pending), 5))
+            if car > 0:  # the robot is the same for all its pairs
+                draws[:, 2:4] = found[pending, 0, 2:4]
+            value = table.value(draws)
+            good = (value > game.epsilon) & (value <= game.epsilon + settings.band)
+            for before in range(car):
+                apart = np.abs(draws[:, :2] - found[pending, before, :2])
+                good &= (apart[:, 0] > game.length) | (apart[:, 1] > game.width)
+            found[pending[good], car] = draws[good]
+            pending = pending[~good]
+            if len(pending) == 0:
+                break
+        done = np.setdiff1d(np.arange(len(found)), pending)
+        found, pending = found[done], np.arange(len(done))
+    if len(found) == 0:
+        raise ConfigurationError(
+            f"no state of the table has {game.epsilon} < V <= {game.epsilon + settings.band}; choose another epsilon"
+        )
+    robots = np.zeros((len(found), 4))
+    robots[:, 2:4] = found[:, 0, 2:4]
+    others = np.stack([-found[:, :, 0], -found[:, :, 1], found[:, :, 4]], axis=2)
+    return robots, others
+
+
+class _Judged(NamedTuple):
+    """What became of one chunk."""
+
+    fall: np.ndarray  # (n,) m, of the least V below ε
+    collided: int
+    causes: np.ndarray  # (entered,) int, index into CAUSES
+    in_k: int  # steps with cars in K
+    unmet: int
+
+
+def _simulate_and_judge(
+    table: ValueTable,
+    game: _Game,
+    settings: RolloutSettings,
+    robots: np.ndarray,
+    others: np.ndarray,
+    random: np.ndarray,
+) -> _Judged:
+    count, samples = len(robots), round(settings.duration / settings.step)
+    states = np.empty((count, samples + 1, settings.cars, 5), np.float32)
+    values = np.empty((count, samples + 1, settings.cars), np.float32)
+    slack = np.empty((count, samples), np.float32)
+    private = game._replace(driver=game.driver.copy())  # the kernel writes a driver's speed into it
+    _roll_out_all(
+        private,
+        _DESIRES[settings.desire],
+        settings.model == "bicycle",
+        settings.others == "adversary",
+        robots.copy(),
+        others.copy(),
+        random,
+        states,
+        values,
+        slack,
+    )
+    target = table.target_values(states.reshape(-1, 5)).reshape(values.shape)
+    inside = target <= 0.0
+    causes = []
+    for i in np.nonzero(inside.any(axis=(1, 2)))[0]:
+        car = int(np.argmax(inside[i, np.argmax(inside[i].any(axis=1))]))  # the first to be in the target set
+        causes.append(_cause(values[i, :, car], target[i, :, car], slack[i], game))
+    in_k = np.isfinite(slack)
+    return _Judged(
+        fall=np.maximum(game.epsilon - values.min(axis=(1, 2)), 0.0),
+        collided=int(_bodies_overlap(states, game).any(axis=(1, 2)).sum()),
+        causes=np.array(causes, dtype=int),
+        in_k=int(in_k.sum()),
+        unmet=int((slack[in_k] > 1e-6).sum()),
+    )
+
+
+def _bodies_overlap(states: np.ndarray, game: _Game) -> np.ndarray:
+    """Return where the boxes along the road around both bodies overlap: never less than the bodies do."""
+    turned = np.abs(states[..., 2])
+    half_length = 0.5 * (game.length * np.cos(turned) + game.width * np.sin(turned))
+    half_width = 0.5 * (game.length * np.sin(turned) + game.width * np.cos(turned))
+    return (np.abs(states[..., 0]) < half_length + 0.5 * game.length) & (
+        np.abs(states[..., 1]) < half_width + 0.5 * game.width
+    )
+
+
+def _cause(value: np.ndarray, target: np.ndarray, slack: np.ndarray, game: _Game) -> int:
+    """Return why a pair entered the target set, an index into CAUSES.
+
+    Args:
+        value, target: (samples + 1,) V and V(0, ·) of the pair.
+        slack: (samples,) t.
+        game: ε and the step.
+    """
+    entry = int(np.argmax(target <= 0.0))
+    if value[entry] > 0.0:
+        return 0
+    above = np.nonzero(value[: entry + 1] > game.epsilon)[0]
+    first = int(above[-1]) + 1 if len(above) else 0  # since when the pair has been in K
+    if first > 0 and np.isinf(value[first - 1]) and value[first] <= 0.0:
+        return 1
+    unmet = float(np.nansum(np.maximum(slack[first:entry], 0.0))) * game.step
+    fallen = game.epsilon - float(value[entry])
+    return 2 if unmet >= 0.5 * fallen else 3
+
+
+def _report(settings: RolloutSettings, epsilon: float, parts: list[_Judged]) -> GuaranteeReport:
+    fall = np.concatenate([part.fall for part in parts])
+    causes = np.concatenate([part.causes for part in parts])
+    in_k = sum(part.in_k for part in parts)
+    return GuaranteeReport(
+        settings=settings,
+        epsilon=epsilon,
+        rollouts=len(fall),
+        entered=len(causes),
+        collided=sum(part.collided for part in parts),
+        fall_median=float(np.median(fall)),
+        fall_p99=float(np.quantile(fall, 0.99)),
+        fall_p999=float(np.quantile(fall, 0.999)),
+        fall_max=float(fall.max()),
+        unmet_percent=100.0 * sum(part.unmet for part in parts) / max(in_k, 1),
+        causes={name: int((causes == index).sum()) for index, name in enumerate(CAUSES)},
+    )
