@@ -31,3 +31,7 @@ class SimulationError(HjCosimError):
 
 class OutputError(HjCosimError):
     """A figure, an export or a report of an unknown kind was asked for, or of a run that does not hold its data."""
+
+
+class WorkerError(HjCosimError):
+    """The processes or the cluster that drive a study's episodes cannot be started or reached."""

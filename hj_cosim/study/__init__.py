@@ -1,1 +1,1 @@
-"""Many episodes: stacks, statistics, tables."""
+"""Many episodes: the paper's table, with intervals, on one machine or on a cluster."""

@@ -1,0 +1,142 @@
+"""The same episodes on a Dask cluster (optional extra `cluster`), from a laptop's two workers to a thousand.
+
+Nothing but the package has to be on the workers: value tables travel to them and finished run folders back, so that
+no file system is shared; only scenarios with a network of the user's own need it at the same place everywhere. Dask
+drives an episode again elsewhere when its worker dies, and gives it up when it has taken several workers with it.
+"""
+
+import hashlib
+import tempfile
+import threading
+import traceback
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hj_cosim.analysis.run_folder import whole_folder
+from hj_cosim.errors import HjCosimError, WorkerError
+from hj_cosim.files import whole_file
+from hj_cosim.study.jobs import EpisodeFunction, EpisodeJob, Outcome
+
+CONNECT_TIMEOUT = 10.0  # s, for the scheduler to answer and for the first worker to be there
+
+RunFiles = Mapping[str, bytes | None]  # the content of a run folder by path; None for a folder in it
+TableContent = tuple[str, bytes]  # a solved table's file and its digest
+
+_ONE_SUMO = threading.Lock()  # a process holds one SUMO; a worker started with several threads takes turns
+
+
+class DaskCluster:
+    """An engine of the workers of a Dask cluster, which are best started with one thread each."""
+
+    def __init__(self, scheduler: str) -> None:
+        """Take a scheduler's address, for example tcp://10.0.0.1:8786."""
+        self.scheduler = scheduler
+
+    def run(self, jobs: Sequence[EpisodeJob], function: EpisodeFunction) -> Generator[Outcome, None, None]:
+        """Carry out the jobs (study.jobs.Engine)."""
+        if not jobs:
+            return
+        with _connected(self.scheduler) as client:
+            # Tables are tasks, not scattered data: when the workers that hold one die, Dask makes it again.
+            tables = {path: client.submit(_content, path.read_bytes(), pure=False) for path in {j.table for j in jobs}}
+            waiting = {
+                client.submit(_drive_remotely, job, tables[job.table], function, pure=False, priority=-number): job
+                for number, job in enumerate(jobs)
+            }
+            for episode in _distributed().as_completed(list(waiting)):
+                yield _outcome(waiting.pop(episode), episode, self.scheduler)
+                episode.release()
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ModuleNotFoundError as error:
+        raise WorkerError("--scheduler needs Dask; install it with `pip install 'hj-cosim[cluster]'`") from error
+    return distributed
+
+
+@contextmanager
+def _connected(scheduler: str) -> Iterator[Any]:
+    """Yield a client of the scheduler, when it has a worker.
+
+    Raises:
+        WorkerError: if it does not answer or has no workers.
+    """
+    distributed = _distributed()
+    try:
+        client = distributed.Client(scheduler, timeout=CONNECT_TIMEOUT, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise WorkerError(
+            f"no Dask scheduler answers at {scheduler} ({error}); start one with `dask scheduler`"
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_TIMEOUT)
+        except TimeoutError as error:
+            raise WorkerError(
+                f"the Dask scheduler at {scheduler} has no workers; start some with"
+                f" `dask worker {scheduler} --nworkers auto --nthreads 1`"
+            ) from error
+        yield client
+
+
+def _outcome(job: EpisodeJob, episode: Any, scheduler: str) -> Outcome:
+    """Put the run folder in place that came back, or say why none did.
+
+    Raises:
+        WorkerError: if the scheduler is gone.
+    """
+    if episode.status == "finished":
+        reply = episode.result()
+        if isinstance(reply, str):
+            return Outcome(job, reply)
+        _unpack(reply, job.folder)
+        return Outcome(job)
+    if episode.status == "error":
+        error = episode.exception()
+        said = "".join(traceback.format_exception(type(error), error, episode.traceback()))
+        return Outcome(job, f"a worker of the cluster failed: {type(error).__name__}: {error}", said)
+    raise WorkerError(f"the Dask scheduler at {scheduler} was lost; --resume goes on with what is left")
+
+
+def _content(content: bytes) -> TableContent:
+    return hashlib.sha256(content).hexdigest(), content
+
+
+def _drive_remotely(job: EpisodeJob, table: TableContent, function: EpisodeFunction) -> RunFiles | str:
+    """Drive an episode on a worker, and return its run folder's files, or one sentence on why it could not be."""
+    try:
+        with _ONE_SUMO, tempfile.TemporaryDirectory(prefix="hj-cosim-") as temporary:
+            folder = Path(temporary) / job.folder.name
+            function(replace(job, table=_table_file(table), folder=folder))
+            return _pack(folder)
+    except HjCosimError as error:
+        return str(error)
+
+
+def _table_file(table: TableContent) -> Path:
+    """Return a file with the table's content; the workers of a machine share it."""
+    digest, content = table
+    path = Path(tempfile.gettempdir()) / f"hj-cosim-{digest}.npz"
+    if not path.is_file():
+        with whole_file(path) as temporary:
+            temporary.write_bytes(content)
+    return path
+
+
+def _pack(folder: Path) -> RunFiles:
+    paths = sorted(folder.rglob("*"))
+    return {path.relative_to(folder).as_posix(): None if path.is_dir() else path.read_bytes() for path in paths}
+
+
+def _unpack(files: RunFiles, folder: Path) -> None:
+    with whole_folder(folder) as temporary:
+        for name, content in files.items():
+            if content is None:
+                (temporary / name).mkdir()
+            else:
+                (temporary / name).write_bytes(content)

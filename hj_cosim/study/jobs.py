@@ -1,0 +1,52 @@
+"""What workers do: one episode a job, its folder written whole or not at all; engines differ in where they do it."""
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, Protocol
+
+from hj_cosim.config import EpisodeConfig
+
+Keep = Literal["all", "robot"]
+
+
+@dataclass(frozen=True)
+class EpisodeJob:
+    """One episode of a study, ready to be sent to a worker."""
+
+    config: EpisodeConfig
+    table: Path  # the solved value table, an .npz
+    folder: Path  # where the run folder appears when the episode is done
+    keep: Keep = "all"  # everything that a run folder holds, or all but the cars' trajectories
+
+
+EpisodeFunction = Callable[[EpisodeJob], None]
+"""Drives the episode of a job and writes its run folder, whole or not at all. A function that can be imported by its
+name, so that it can be sent to other processes."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a job."""
+
+    job: EpisodeJob
+    error: str | None = None  # one sentence; None when the run folder is in place
+    log: str = ""  # of an episode that failed, the end of what the worker printed during it
+
+
+class Engine(Protocol):
+    """Where the episodes of a study are driven."""
+
+    def run(self, jobs: Sequence[EpisodeJob], function: EpisodeFunction) -> Generator[Outcome, None, None]:
+        """Carry out every job, and yield its outcome as soon as it is there, in any order.
+
+        A job that fails is an outcome like any other. Closing the iterator stops the work that is under way.
+
+        Args:
+            jobs: what to do, started in this order.
+            function: drives and writes one episode.
+
+        Raises:
+            WorkerError: if workers cannot be started or reached at all.
+        """
+        ...

@@ -1,0 +1,56 @@
+"""The process that drives episodes one after the other for `study.local_workers`.
+
+It reads pickles from standard input, first the function that drives an episode, then one EpisodeJob after the
+other, and answers each on standard output: READY, then None for a job that is done or one sentence for one that could
+not be. What it or SUMO prints goes to standard error. A programming error ends the process, its traceback is printed.
+"""
+
+import os
+import pickle
+import sys
+import threading
+from queue import SimpleQueue
+from typing import Any, BinaryIO
+
+from hj_cosim.errors import HjCosimError
+from hj_cosim.study.jobs import EpisodeFunction, EpisodeJob
+
+READY = "ready"
+
+
+def main() -> None:
+    """Serve until standard input ends."""
+    replies = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what SUMO prints must not run into the replies
+    requests: SimpleQueue[Any] = SimpleQueue()
+    threading.Thread(target=_receive, args=(sys.stdin.buffer, requests), daemon=True).start()
+    function: EpisodeFunction = requests.get()
+    _reply(replies, READY)
+    while True:
+        _reply(replies, _carry_out(requests.get(), function))
+
+
+def _receive(stream: BinaryIO, requests: "SimpleQueue[Any]") -> None:
+    """Pass on what the study sends; when the study is gone, be gone at once, in the middle of an episode, too."""
+    try:
+        while True:
+            requests.put(pickle.load(stream))
+    except EOFError:
+        os._exit(0)
+
+
+def _carry_out(job: EpisodeJob, function: EpisodeFunction) -> str | None:
+    try:
+        function(job)
+    except HjCosimError as error:
+        return str(error)
+    return None
+
+
+def _reply(stream: BinaryIO, reply: str | None) -> None:
+    pickle.dump(reply, stream)
+    stream.flush()
+
+
+if __name__ == "__main__":
+    main()
