@@ -1,9 +1,10 @@
 """What a differential game is made of, and where the games live.
 
-A game is a `Dynamics`: five small jitted functions and a few facts. Each function works on a line of n states at once,
-`x` of shape (dimension, n), because the solver calls it once per line of grid nodes, so that the call costs nothing
-and the loop inside runs in SIMD. In the solver the states of a line differ in the coordinate `line_axis` only:
-whatever depends on the others may be computed once, from `x[:, 0]`. Everything is float32 there.
+A game is a `Dynamics`: five small jitted functions and a few facts. Each function works on n states at once, `x` of
+shape (dimension, n), because the solver calls it once per slab of the grid, so that the call costs nothing and the
+loop inside runs in SIMD. All nodes of a slab share their coordinates but those along the game's two `slab_axes`: in
+the Hamiltonian and the dissipation, which only the solver calls, whatever depends on the others may be computed once,
+from `x[:, 0]`. Everything is float32.
 
     target(x, c, out)                              V(0, x): out (n,)
     flow(x, u, d, c, out)                          dx/dt: u (controls, n), d (disturbances, n), out (dimension, n)
@@ -30,7 +31,7 @@ from hj_cosim.config import Boundary
 from hj_cosim.errors import ConfigurationError
 
 Outside = Literal["safe", "clamp"]
-LineFunction = Callable[..., None]
+StateFunction = Callable[..., None]
 
 VECTOR = types.Array(types.float32, 1, "C")
 MATRIX = types.Array(types.float32, 2, "C")
@@ -52,15 +53,15 @@ class Dynamics:
     controls: tuple[str, ...]
     disturbances: tuple[str, ...]
     parameters: Mapping[str, float]  # every parameter with its default
-    target: LineFunction
-    flow: LineFunction
-    hamiltonian: LineFunction
-    dissipation: LineFunction
-    optimal_inputs: LineFunction
+    target: StateFunction
+    flow: StateFunction
+    hamiltonian: StateFunction
+    dissipation: StateFunction
+    optimal_inputs: StateFunction
     boundary: tuple[Boundary, ...]  # what the solver assumes beyond the faces unless the specification says so
     outside: tuple[Outside, ...]  # what a look-up beyond the faces means: safe (V = +inf), or clamped to the face
     limited: tuple[bool, ...]  # axes on which inputs could leave the grid and are kept from it
-    line_axis: int  # the axis along which the solver's lines run: best the longest that enters the functions least
+    slab_axes: tuple[int, int]  # what the solver's slabs extend along, the longer axis best last
     mirrored_axes: tuple[int, ...] = ()  # V is unchanged when these coordinates are negated together
     fingerprint: str = ""  # of the source, so that a table knows when its dynamics changed
 
@@ -85,7 +86,7 @@ class Dynamics:
     def target_values(self, states: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         """Return V(0, ·), (n,), at `states` (n, dimension)."""
         out = np.empty(len(states), np.float32)
-        self.target(_as_line(states), parameters, out)
+        self.target(_columns(states), parameters, out)
         return out
 
     def hamiltonian_values(
@@ -93,9 +94,9 @@ class Dynamics:
     ) -> np.ndarray:
         """Return H, (n,), at any `states` (n, dimension) with `gradients` (n, dimension)."""
         out = np.empty(len(states), np.float32)
-        for row in range(len(states)):  # one state is a line of its own: see the module's docstring
+        for row in range(len(states)):  # one state is a slab of its own: see the module's docstring
             here = slice(row, row + 1)
-            self.hamiltonian(_as_line(states[here]), _as_line(gradients[here]), parameters, limits, out[here])
+            self.hamiltonian(_columns(states[here]), _columns(gradients[here]), parameters, limits, out[here])
         return out
 
     def optimal(
@@ -104,7 +105,7 @@ class Dynamics:
         """Return the optimal controls (n, controls) and disturbances (n, disturbances)."""
         u = np.empty((len(self.controls), len(states)), np.float32)
         d = np.empty((len(self.disturbances), len(states)), np.float32)
-        self.optimal_inputs(_as_line(states), _as_line(gradients), parameters, limits, u, d)
+        self.optimal_inputs(_columns(states), _columns(gradients), parameters, limits, u, d)
         return u.T, d.T
 
     def state_derivative(
@@ -112,24 +113,24 @@ class Dynamics:
     ) -> np.ndarray:
         """Return dx/dt, (n, dimension)."""
         out = np.empty((self.dimension, len(states)), np.float32)
-        self.flow(_as_line(states), _as_line(controls), _as_line(disturbances), parameters, out)
+        self.flow(_columns(states), _columns(controls), _columns(disturbances), parameters, out)
         return out.T
 
 
-def _as_line(rows: np.ndarray) -> np.ndarray:
+def _columns(rows: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.asarray(rows, np.float32).T)
 
 
-def line_function(function: LineFunction) -> LineFunction:
-    """Compile a function over lines of states; the decorator of a dynamics' five functions.
+def state_function(function: StateFunction) -> StateFunction:
+    """Compile a function over many states; the decorator of a dynamics' five functions.
 
     The solver makes a C function of the same source (see `pointer`), so that one compiled kernel serves all games.
     """
     return njit(cache=True, fastmath=FLOATING_POINT, error_model="numpy")(function)
 
 
-def pointer(function: LineFunction, signature: Any) -> Any:
-    """Return a line function as a C function that the kernel can be given."""
+def pointer(function: StateFunction, signature: Any) -> Any:
+    """Return such a function as a C function that the kernel can be given."""
     source = getattr(function, "py_func", function)
     return cfunc(signature, cache=True, fastmath=FLOATING_POINT, error_model="numpy")(source)
 

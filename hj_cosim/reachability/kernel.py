@@ -1,18 +1,20 @@
-"""The solver's inner loop: one Runge-Kutta stage on a range of grid lines, fused into one pass over memory.
+"""The solver's inner loop: one Runge-Kutta stage on a range of slabs of the grid, fused into one pass over memory.
 
 Why it has this shape:
 
-- A solve is thousands of passes over the grid, so memory traffic decides. Each pass reads a line and its neighbours,
-  and writes the line: derivatives, Hamiltonian and dissipation live in a few work arrays that fit the first-level
-  cache, never on the grid. Three grid-sized arrays are all that TVD-RK3 needs.
-- The contiguous axis is the game's `line_axis`, long and smooth, and every inner loop runs along it in SIMD; across
-  the other axes the stencil is made of whole neighbouring lines, which `layout` has looked up beforehand. Loops run
-  over whole vectors: past the line's end they compute on its neighbour's values, which are finite and thrown away.
-- There are no ghost nodes. Schemes need differences only, and a face's extrapolation is a difference row repeated.
+- A solve is thousands of passes over the grid, so memory traffic decides. Each pass reads a slab and its neighbours,
+  and writes the slab: derivatives, Hamiltonian and dissipation live in work arrays that fit the caches next to the
+  core, never on the grid. Three grid-sized arrays are all that TVD-RK3 needs.
+- A slab is some consecutive lines of the two innermost axes, 500 to 1000 nodes that lie together in memory, and every
+  inner loop runs over all of it in SIMD: a difference along any axis is one slab minus another, shifted. The few
+  nodes at the ends of its lines are put right afterwards. A line alone, 40 to 60 nodes, would spend most of its time
+  on starting loops.
+- There are no ghost nodes. Schemes need differences only, and a face's extrapolation is a difference repeated.
+  `Layout.stencils` has looked up beforehand which lines make a difference across an axis.
 - Where the game mirrors itself only half of the grid is stored: a neighbour beyond the mirror is another stored line.
-- Dynamics and schemes are called through C function pointers, once a line. So the kernel is compiled once, is cached
+- Dynamics and schemes are called through C function pointers, once a slab. So the kernel is compiled once, is cached
   on disk, and serves every game.
-- It releases the interpreter's lock and runs on a range of lines: threads share the lines between them.
+- It releases the interpreter's lock and runs on a range of slabs: threads share the slabs between them.
 """
 
 from typing import Any
@@ -21,40 +23,43 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.reachability.dynamics import FLOATING_POINT
-from hj_cosim.reachability.layout import AWAY_FROM_ZERO, PERIODIC, VECTOR_WIDTH
-from hj_cosim.reachability.schemes import LINE
+from hj_cosim.reachability.layout import AWAY_FROM_ZERO, FRONT, PERIODIC
+from hj_cosim.reachability.schemes import PITCH
 
 
 @njit(cache=True)
-def _seek(line: int, nodes: np.ndarray, index: np.ndarray) -> None:
-    """Write the multi-index of a line."""
-    index[nodes.size - 1] = 0
-    for axis in range(nodes.size - 2, -1, -1):
-        index[axis] = line % nodes[axis]
-        line //= nodes[axis]
-
-
-@njit(cache=True)
-def _next_line(nodes: np.ndarray, index: np.ndarray) -> None:
-    for axis in range(nodes.size - 2, -1, -1):
-        index[axis] += 1
-        if index[axis] < nodes[axis]:
-            return
-        index[axis] = 0
+def _seek(outer: int, nodes: np.ndarray, index: np.ndarray) -> None:
+    """Write the multi-index over all but the two innermost axes."""
+    for axis in range(nodes.size - 3, -1, -1):
+        index[axis] = outer % nodes[axis]
+        outer //= nodes[axis]
 
 
 @njit(cache=True)
 def _fill_states(
-    coordinates: np.ndarray, state_axis: np.ndarray, index: np.ndarray, start: int, states: np.ndarray
+    coordinates: np.ndarray,
+    state_axis: np.ndarray,
+    nodes: np.ndarray,
+    index: np.ndarray,
+    first_line: int,
+    size: int,
+    states: np.ndarray,
 ) -> None:
-    """Write the states of the nodes from `start` on of the line at `index`, (n, width)."""
-    dimension, width = states.shape
-    for axis in range(dimension - 1):
+    """Write the states of a slab's nodes, (n, size)."""
+    dimension = nodes.size
+    line = nodes[dimension - 1]
+    for axis in range(dimension - 2):
         coordinate = coordinates[axis, index[axis]]
         row = states[state_axis[axis]]
-        for i in range(width):
+        for i in range(size):
             row[i] = coordinate
-    states[state_axis[dimension - 1]] = coordinates[dimension - 1, start : start + width]
+    across, along = states[state_axis[dimension - 2]], states[state_axis[dimension - 1]]
+    along_nodes = coordinates[dimension - 1]
+    for j in range(size // line):
+        coordinate = coordinates[dimension - 2, first_line + j]
+        for i in range(line):
+            across[j * line + i] = coordinate
+            along[j * line + i] = along_nodes[i]
 
 
 @njit(cache=True, fastmath=FLOATING_POINT)
@@ -65,51 +70,97 @@ def _subtract(upper: np.ndarray, lower: np.ndarray, scale: float, out: np.ndarra
 
 @njit(cache=True)
 def _lead_away(face: np.ndarray, sign: int, differences: np.ndarray) -> None:
-    """Turn a face's difference into one that leads away from zero towards the outside, which `sign` says."""
+    """Turn a face's differences into ones that lead away from zero towards the outside, which `sign` says."""
     outwards = np.float32(sign)
     for i in range(differences.shape[0]):
         differences[i] = np.sign(face[i]) * abs(differences[i]) * outwards
 
 
 @njit(cache=True)
-def _pad(row: np.ndarray, start: int, count: int, radius: int, boundary: int, padded: np.ndarray) -> None:
-    """Copy `count` nodes of a line with `radius` more on either side, extrapolated beyond its ends."""
-    nodes = row.shape[0]
-    padded[radius : radius + count] = row[start : start + count]
-    for k in range(1, radius + 1):
-        for side in range(2):
-            place, node = (radius - k, start - k) if side == 0 else (radius + count - 1 + k, start + count - 1 + k)
-            if 0 <= node < nodes:
-                padded[place] = row[node]
-            elif boundary == PERIODIC:
-                padded[place] = row[node % nodes]
-            else:
-                face, inner = (0, 1) if side == 0 else (nodes - 1, nodes - 2)
-                slope = row[face] - row[inner]
-                if boundary == AWAY_FROM_ZERO:
-                    slope = np.sign(row[face]) * abs(slope)
-                padded[place] = row[face] + np.float32(abs(node - face)) * slope
+def _difference_by_stencil(
+    source: np.ndarray, here: int, size: int, entry: np.ndarray, mirror_shift: int, scale: float, out: np.ndarray
+) -> None:
+    """Write one difference across an axis for `size` nodes from `here` on, as `Layout.stencils` says."""
+    high = here + entry[0] + entry[1] * mirror_shift
+    low = here + entry[2] + entry[3] * mirror_shift
+    _subtract(source[high : high + size], source[low : low + size], scale, out[:size])
+    if entry[4] != 0:
+        face = low if entry[4] < 0 else high
+        _lead_away(source[face : face + size], entry[4], out[:size])
+
+
+@njit(cache=True)
+def _differences_between_lines(
+    source: np.ndarray, here: int, first_line: int, lines: int, line: int, stencils: np.ndarray, mirror_shift: int,
+    scale: float, differences: np.ndarray,
+) -> None:  # fmt: skip
+    """Write the differences between the lines of a slab: at once where no face is near, else line by line."""
+    count, rows = stencils.shape[0], stencils.shape[1]
+    for m in range(rows):
+        reach = m - rows // 2  # the lower of the two lines, as seen from the node
+        out = differences[m * PITCH : (m + 1) * PITCH]
+        begin = min(max(-reach - first_line, 0), lines)
+        end = max(min(count - 1 - reach - first_line, lines), begin)
+        low = here + (begin + reach) * line
+        size = (end - begin) * line
+        if size > 0:
+            _subtract(
+                source[low + line : low + line + size], source[low : low + size], scale, out[begin * line :][:size]
+            )
+        for j in range(lines):
+            if j < begin or j >= end:
+                entry = stencils[first_line + j, m]
+                _difference_by_stencil(source, here + j * line, line, entry, mirror_shift, scale, out[j * line :])
+
+
+@njit(cache=True)
+def _differences_along_lines(
+    source: np.ndarray, here: int, lines: int, line: int, rows: int, boundary: int, scale: float,
+    differences: np.ndarray,
+) -> None:  # fmt: skip
+    """Write the differences along the lines of a slab, then put the ends of the lines right."""
+    size = lines * line
+    for m in range(rows):
+        low = here + m - rows // 2
+        _subtract(source[low + 1 : low + 1 + size], source[low : low + size], scale, differences[m * PITCH :][:size])
+    for m in range(rows):
+        reach = m - rows // 2
+        out = differences[m * PITCH : (m + 1) * PITCH]
+        for j in range(lines):
+            row = source[here + j * line : here + (j + 1) * line]
+            for node in range(0, -reach):
+                out[j * line + node] = scale * _difference_beyond(row, node + reach, boundary)
+            for node in range(line - 1 - reach, line):
+                out[j * line + node] = scale * _difference_beyond(row, node + reach, boundary)
+
+
+@njit(cache=True)
+def _difference_beyond(row: np.ndarray, low: int, boundary: int) -> float:
+    """Return the difference between nodes `low` and `low + 1` of a line where one of them lies beyond its end."""
+    last = row.shape[0] - 1
+    if boundary == PERIODIC:
+        return row[(low + 1) % (last + 1)] - row[low % (last + 1)]
+    slope = row[1] - row[0] if low < 0 else row[last] - row[last - 1]
+    if boundary == AWAY_FROM_ZERO:
+        slope = -np.sign(row[0]) * abs(slope) if low < 0 else np.sign(row[last]) * abs(slope)
+    return slope
 
 
 @njit(cache=True, fastmath=FLOATING_POINT)
-def _centre_and_jump(left: np.ndarray, right: np.ndarray) -> None:
-    """Replace the one-sided derivatives by their mean and half their difference."""
+def _take_in(centre: np.ndarray, right: np.ndarray, bound: np.ndarray, dissipated: np.ndarray) -> None:
+    """Add an axis' dissipation and replace its left derivative, in `centre`, by the mean of left and right."""
     half = np.float32(0.5)
-    for i in range(left.shape[0]):
-        centre = half * (right[i] + left[i])
-        right[i] = half * (right[i] - left[i])
-        left[i] = centre
+    for i in range(centre.shape[0]):
+        dissipated[i] += half * bound[i] * (right[i] - centre[i])
+        centre[i] = half * (right[i] + centre[i])
 
 
 @njit(cache=True, fastmath=FLOATING_POINT)
-def _dissipate(rate: np.ndarray, bound: np.ndarray, jump: np.ndarray) -> None:
-    for i in range(rate.shape[0]):
-        rate[i] += bound[i] * jump[i]
-
-
-@njit(cache=True, fastmath=FLOATING_POINT)
-def _update(rate: np.ndarray, base: np.ndarray, source: np.ndarray, share: float, step: float, floor: float) -> None:
-    """Turn the rate into share · base + (1 − share) · (source + step · min(0, rate)), at least `floor`.
+def _update(
+    rate: np.ndarray, dissipated: np.ndarray, base: np.ndarray, source: np.ndarray, share: float, step: float,
+    floor: float,
+) -> None:  # fmt: skip
+    """Turn H into share · base + (1 − share) · (source + step · min(0, H + dissipated)), at least `floor`.
 
     Written so that a NaN stays one instead of vanishing in a minimum, and into `rate` because the array that the
     result belongs to may be `base`: the compiler gives up on SIMD where arrays overlap.
@@ -117,18 +168,26 @@ def _update(rate: np.ndarray, base: np.ndarray, source: np.ndarray, share: float
     zero = np.float32(0.0)
     rest = np.float32(1.0) - share
     for i in range(rate.shape[0]):
-        change = zero if rate[i] > zero else rate[i]
+        change = rate[i] + dissipated[i]
+        change = zero if change > zero else change
         value = share * base[i] + rest * (source[i] + step * change)
         rate[i] = floor if value < floor else value
 
 
+@njit(cache=True)
+def _copy(source: np.ndarray, out: np.ndarray) -> None:
+    for i in range(out.shape[0]):
+        out[i] = source[i]
+
+
 @njit(cache=True, nogil=True)
-def advance_lines(
+def advance_slabs(
     first: int,
     end: int,
     nodes: np.ndarray,
     state_axis: np.ndarray,
     coordinates: np.ndarray,
+    slab_lines: int,
     inverse_spacing: np.ndarray,
     stencils: np.ndarray,
     mirror_shifts: np.ndarray,
@@ -145,92 +204,96 @@ def advance_lines(
     step: float,
     floor: float,
 ) -> None:
-    """Do one Runge-Kutta stage of V_t + min(0, H) = 0, backwards in time, on the lines `first` to `end`.
+    """Do one Runge-Kutta stage of V_t + min(0, H) = 0, backwards in time, on the slabs `first` to `end`.
 
     target = share · base + (1 − share) · (source + step · min(0, Ĥ(source))), with the Lax-Friedrichs Ĥ.
 
     Args:
-        first, end: the range of lines.
-        nodes, state_axis, coordinates, inverse_spacing, stencils, mirror_shifts, line_boundary: see Layout.
+        first, end: the range of slabs.
+        nodes, state_axis, coordinates, slab_lines, inverse_spacing, stencils, mirror_shifts, line_boundary: see Layout.
         derivatives: the scheme, as a C function.
         hamiltonian, dissipation: of the game, as C functions.
         parameters, limits: what the game's functions take.
-        source: (stored nodes + LINE,) float32, what is differentiated.
+        source: float32, FRONT numbers of room, then the stored nodes, then room again: what is differentiated.
         base, target: the same shape; they may be one array, but not `source`.
         share: float32.
         step: s, float32.
         floor: float32, the least value, or -inf.
     """
     dimension = nodes.size
-    line_nodes = nodes[dimension - 1]
+    line = nodes[dimension - 1]
+    slabs_per_plane = (nodes[dimension - 2] + slab_lines - 1) // slab_lines
     rows = stencils.shape[2]
-    width = min(LINE, (line_nodes + VECTOR_WIDTH - 1) // VECTOR_WIDTH * VECTOR_WIDTH)
-    index = np.empty(dimension, np.int64)
-    states = np.zeros((dimension, width), np.float32)
-    centre = np.zeros((dimension, width), np.float32)
-    jump = np.zeros((dimension, width), np.float32)
-    bounds = np.zeros((dimension, width), np.float32)
-    differences = np.zeros(rows * LINE, np.float32)
-    padded = np.zeros(LINE + rows, np.float32)
-    rate = np.zeros(width, np.float32)
-    _seek(first, nodes, index)
-    for line in range(first, end):
+    index = np.zeros(dimension, np.int64)
+    most = slab_lines * line
+    states = np.zeros((dimension, most), np.float32)
+    centre = np.zeros((dimension, most), np.float32)
+    bounds = np.zeros((dimension, most), np.float32)
+    right = np.zeros(most, np.float32)
+    dissipated = np.zeros(most, np.float32)
+    rate = np.zeros(most, np.float32)
+    differences = np.zeros(rows * PITCH, np.float32)
+    for slab in range(first, end):
+        _seek(slab // slabs_per_plane, nodes, index)
+        first_line = slab % slabs_per_plane * slab_lines
+        lines = min(slab_lines, nodes[dimension - 2] - first_line)
+        size = lines * line
+        here = FRONT + (slab // slabs_per_plane * nodes[dimension - 2] + first_line) * line
         mirror_shift = 0
-        for axis in range(dimension - 1):
+        for axis in range(dimension - 2):
             mirror_shift += mirror_shifts[axis, index[axis]]
-        for start in range(0, line_nodes, LINE):
-            count = min(LINE, line_nodes - start)
-            here = line * line_nodes + start
-            for axis in range(dimension - 1):
+        _fill_states(coordinates, state_axis, nodes, index, first_line, size, states)
+        dissipation(states, parameters, bounds)
+        for i in range(size):
+            dissipated[i] = 0.0
+        for axis in range(dimension):
+            scale = inverse_spacing[axis]
+            if axis == dimension - 1:
+                _differences_along_lines(source, here, lines, line, rows, line_boundary, scale, differences)
+            elif axis == dimension - 2:
+                _differences_between_lines(
+                    source, here, first_line, lines, line, stencils[axis], mirror_shift, scale, differences
+                )
+            else:
                 for m in range(rows):
                     entry = stencils[axis, index[axis], m]
-                    high = here + entry[0] + entry[1] * mirror_shift
-                    low = here + entry[2] + entry[3] * mirror_shift
-                    out = differences[m * LINE : m * LINE + width]
-                    _subtract(source[high : high + width], source[low : low + width], inverse_spacing[axis], out)
-                    if entry[4] != 0:
-                        face = low if entry[4] < 0 else high
-                        _lead_away(source[face : face + width], entry[4], out)
-                derivatives(differences, width, centre[state_axis[axis]], jump[state_axis[axis]])
-            _pad(source[line * line_nodes : (line + 1) * line_nodes], start, count, rows // 2, line_boundary, padded)
-            for m in range(rows):
-                _subtract(
-                    padded[m + 1 : m + 1 + width], padded[m : m + width], inverse_spacing[dimension - 1],
-                    differences[m * LINE : m * LINE + width],
-                )  # fmt: skip
-            derivatives(differences, width, centre[state_axis[dimension - 1]], jump[state_axis[dimension - 1]])
-            _fill_states(coordinates, state_axis, index, start, states)
-            for state in range(dimension):
-                _centre_and_jump(centre[state], jump[state])
-            hamiltonian(states, centre, parameters, limits, rate)
-            dissipation(states, parameters, bounds)
-            for state in range(dimension):
-                _dissipate(rate, bounds[state], jump[state])
-            _update(rate, base[here : here + width], source[here : here + width], share, step, floor)
-            target[here : here + count] = rate[:count]
-        _next_line(nodes, index)
+                    _difference_by_stencil(
+                        source, here, size, entry, mirror_shift, scale, differences[m * PITCH : (m + 1) * PITCH]
+                    )
+            state = state_axis[axis]
+            derivatives(differences, size, centre[state], right)
+            _take_in(centre[state, :size], right[:size], bounds[state, :size], dissipated[:size])
+        hamiltonian(states, centre, parameters, limits, rate)
+        stop = here + size
+        _update(rate[:size], dissipated[:size], base[here:stop], source[here:stop], share, step, floor)
+        _copy(rate[:size], target[here:stop])
 
 
 @njit(cache=True, nogil=True)
-def target_lines(
+def target_slabs(
     first: int,
     end: int,
     nodes: np.ndarray,
     state_axis: np.ndarray,
     coordinates: np.ndarray,
+    slab_lines: int,
     target: Any,
     parameters: np.ndarray,
     values: np.ndarray,
 ) -> None:
-    """Write V(0, ·) on the lines `first` to `end`."""
-    line_nodes = nodes[nodes.size - 1]
-    index = np.empty(nodes.size, np.int64)
-    states = np.zeros((nodes.size, line_nodes), np.float32)
-    _seek(first, nodes, index)
-    for line in range(first, end):
-        _fill_states(coordinates, state_axis, index, 0, states)
-        target(states, parameters, values[line * line_nodes : (line + 1) * line_nodes])
-        _next_line(nodes, index)
+    """Write V(0, ·) on the slabs `first` to `end`."""
+    planes = nodes[nodes.size - 2]
+    slabs_per_plane = (planes + slab_lines - 1) // slab_lines
+    line = nodes[nodes.size - 1]
+    index = np.zeros(nodes.size, np.int64)
+    for slab in range(first, end):
+        _seek(slab // slabs_per_plane, nodes, index)
+        first_line = slab % slabs_per_plane * slab_lines
+        size = min(slab_lines, planes - first_line) * line
+        states = np.empty((nodes.size, size), np.float32)
+        _fill_states(coordinates, state_axis, nodes, index, first_line, size, states)
+        here = FRONT + (slab // slabs_per_plane * planes + first_line) * line
+        target(states, parameters, values[here : here + size])
 
 
 @njit(cache=True, nogil=True)
@@ -238,25 +301,32 @@ def largest_speed(
     nodes: np.ndarray,
     state_axis: np.ndarray,
     coordinates: np.ndarray,
+    slab_lines: int,
     inverse_spacing: np.ndarray,
     dissipation: Any,
     parameters: np.ndarray,
 ) -> float:
     """Return the greatest Σ α_i/Δx_i over all nodes, 1/s: the time step is at most its inverse."""
     dimension = nodes.size
-    line_nodes = nodes[dimension - 1]
-    index = np.empty(dimension, np.int64)
-    states = np.zeros((dimension, line_nodes), np.float32)
-    bounds = np.zeros((dimension, line_nodes), np.float32)
+    planes = nodes[dimension - 2]
+    slabs_per_plane = (planes + slab_lines - 1) // slab_lines
+    outer = 1
+    for axis in range(dimension - 2):
+        outer *= nodes[axis]
+    line = nodes[dimension - 1]
+    index = np.zeros(dimension, np.int64)
     largest = 0.0
-    _seek(0, nodes, index)
-    for _ in range(np.prod(nodes[:-1])):
-        _fill_states(coordinates, state_axis, index, 0, states)
+    for slab in range(outer * slabs_per_plane):
+        _seek(slab // slabs_per_plane, nodes, index)
+        first_line = slab % slabs_per_plane * slab_lines
+        size = min(slab_lines, planes - first_line) * line
+        states = np.empty((dimension, size), np.float32)
+        bounds = np.empty((dimension, size), np.float32)
+        _fill_states(coordinates, state_axis, nodes, index, first_line, size, states)
         dissipation(states, parameters, bounds)
-        for i in range(line_nodes):
+        for i in range(size):
             total = 0.0
             for axis in range(dimension):
                 total += bounds[state_axis[axis], i] * inverse_spacing[axis]
             largest = max(largest, total)
-        _next_line(nodes, index)
     return largest

@@ -8,14 +8,15 @@ from hj_cosim.reachability.dynamics import Dynamics
 from hj_cosim.reachability.grid import Grid
 
 LINEAR, AWAY_FROM_ZERO, PERIODIC = 0, 1, 2
-VECTOR_WIDTH = 16  # float32 in the widest SIMD register
+FRONT = 8  # numbers of room before the first node, and after the last: stencils read them and ignore what they read
+_SLAB_NODES = 1024  # about what the kernel takes at a time; its work arrays then fit the second-level cache
 
 _BOUNDARY_CODES = {"linear": LINEAR, "away_from_zero": AWAY_FROM_ZERO, "periodic": PERIODIC}
 
 
 @dataclass(frozen=True)
 class Layout:
-    """The stored part of a grid; axes are permuted so that lines run along the last one, in C order.
+    """The stored part of a grid; axes are permuted so that the slabs' two come last, in C order.
 
     `stencils[axis, node, m]` says how the first difference m of a scheme of radius r, between the nodes m − r and
     m − r + 1 away, is made from two lines: (offset of the upper one, 1 if it lies beyond the mirror, offset of the
@@ -25,10 +26,11 @@ class Layout:
 
     order: tuple[int, ...]  # which state each axis is
     nodes: np.ndarray  # (n,) int64, stored
-    coordinates: np.ndarray  # (n, most nodes + room for whole vectors) float32
+    coordinates: np.ndarray  # (n, most nodes) float32
     inverse_spacing: np.ndarray  # (n,) float32
     stencils: np.ndarray  # (n, most nodes, 2 r, 5) int64
     mirror_shifts: np.ndarray  # (n, most nodes) int64
+    slab_lines: int  # lines in a slab
     line_boundary: int
     mirrored: np.ndarray  # (n,) bool
     fold: int  # the axis of which half is stored, or -1
@@ -41,13 +43,21 @@ class Layout:
         return int(np.prod(self.nodes))
 
     @property
-    def lines(self) -> int:
-        """How many lines there are."""
-        return int(np.prod(self.nodes[:-1]))
+    def slabs(self) -> int:
+        """How many slabs there are."""
+        return int(np.prod(self.nodes[:-2])) * -(-int(self.nodes[-2]) // self.slab_lines)
 
-    def whole(self, stored: np.ndarray) -> np.ndarray:
+    def buffer(self) -> np.ndarray:
+        """Return room for the stored nodes, float32."""
+        return np.zeros(self.stored_nodes + 2 * FRONT, np.float32)
+
+    def stored(self, buffer: np.ndarray) -> np.ndarray:
+        """Return the nodes in a buffer."""
+        return buffer[FRONT : FRONT + self.stored_nodes]
+
+    def whole(self, buffer: np.ndarray) -> np.ndarray:
         """Return the values on the whole grid, axes in the state's order, from the stored part."""
-        values = stored[: self.stored_nodes].reshape(tuple(self.nodes))
+        values = self.stored(buffer).reshape(tuple(self.nodes))
         if self.fold >= 0:
             image = values
             for axis in np.flatnonzero(self.mirrored):
@@ -61,7 +71,8 @@ class Layout:
 
 def lay_out(dynamics: Dynamics, grid: Grid, radius: int) -> Layout:
     """Return the layout of a game's grid for schemes of a radius; half of it where the grid mirrors itself."""
-    order = [axis for axis in range(grid.dimension) if axis != dynamics.line_axis] + [dynamics.line_axis]
+    inner = list(dynamics.slab_axes)
+    order = [axis for axis in range(grid.dimension) if axis not in inner] + inner
     nodes = np.array(grid.shape, np.int64)[order]
     origin = np.array(grid.lower)[order]
     spacing = grid.spacing[order]
@@ -86,7 +97,9 @@ def lay_out(dynamics: Dynamics, grid: Grid, radius: int) -> Layout:
                 stencils[axis, node, m] = _stencil_entry(
                     node, node + m - radius, count, int(strides[axis]), boundary[axis], axis == fold, on_node
                 )
-    steps = np.arange(most + 8 * VECTOR_WIDTH)
+    # Slabs of equal size, each at least a line.
+    pieces = -(-int(nodes[-2] * nodes[-1]) // _SLAB_NODES)
+    steps = np.arange(most)
     return Layout(
         order=tuple(order),
         nodes=nodes,
@@ -94,6 +107,7 @@ def lay_out(dynamics: Dynamics, grid: Grid, radius: int) -> Layout:
         inverse_spacing=(1.0 / spacing).astype(np.float32),
         stencils=stencils,
         mirror_shifts=mirror_shifts,
+        slab_lines=max(1, -(-int(nodes[-2]) // pieces)),
         line_boundary=boundary[-1],
         mirrored=mirrored,
         fold=fold,

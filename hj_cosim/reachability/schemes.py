@@ -1,7 +1,7 @@
 """Upwind first derivatives from first differences, one scheme a function (Osher & Fedkiw 2003, chapter 3).
 
 A scheme of radius r gets the 2r first differences D_m = (V[i+m+1] − V[i+m])/Δx, m = −r … r−1, around every node i of a
-line and returns the left- and the right-biased derivative there. Rows of the work arrays are `LINE` apart, a constant,
+slab and returns the left- and the right-biased derivative there. Rows of the work arrays are `PITCH` apart, a constant,
 because only then can the compiler see that the rows do not overlap, and the loops run in SIMD.
 """
 
@@ -12,9 +12,10 @@ import numpy as np
 from numba import types
 
 from hj_cosim.config import Scheme
-from hj_cosim.reachability.dynamics import VECTOR, line_function
+from hj_cosim.reachability.dynamics import VECTOR, state_function
 
-LINE = 128  # nodes that the kernel takes at a time; with all work arrays this fits the first-level cache
+MOST_NODES = 2048  # of a slab, and so of a grid's innermost axis
+PITCH = MOST_NODES + 16  # not a power of two: rows would fall on the same places of the cache
 DERIVATIVES = types.void(VECTOR, types.int64, VECTOR, VECTOR)
 
 # Keeps the weights finite where V is flat; as in Osher & Fedkiw for derivatives of order one.
@@ -31,33 +32,33 @@ class DifferenceScheme:
     runge_kutta: int  # the order in time that matches
 
 
-@line_function
+@state_function
 def first_order(differences, count, left, right):  # type: ignore[no-untyped-def]
     """Return the differences to the left and to the right."""
     for i in range(count):
         left[i] = differences[i]
-        right[i] = differences[LINE + i]
+        right[i] = differences[PITCH + i]
 
 
-@line_function
+@state_function
 def eno2(differences, count, left, right):  # type: ignore[no-untyped-def]
     """Correct the first difference by the smaller of the two second differences."""
     half = np.float32(0.5)
     for i in range(count):
-        d0, d1 = differences[i], differences[LINE + i]
-        d2, d3 = differences[2 * LINE + i], differences[3 * LINE + i]
+        d0, d1 = differences[i], differences[PITCH + i]
+        d2, d3 = differences[2 * PITCH + i], differences[3 * PITCH + i]
         before, centre, after = d1 - d0, d2 - d1, d3 - d2
         left[i] = d1 + half * (before if abs(before) <= abs(centre) else centre)
         right[i] = d2 - half * (centre if abs(centre) <= abs(after) else after)
 
 
-@line_function
+@state_function
 def weno3(differences, count, left, right):  # type: ignore[no-untyped-def]
     """Weigh the two second-order stencils by their smoothness (Jiang & Peng 2000, r = 2)."""
     half, one, two = np.float32(0.5), np.float32(1.0), np.float32(2.0)
     for i in range(count):
-        d0, d1 = differences[i], differences[LINE + i]
-        d2, d3 = differences[2 * LINE + i], differences[3 * LINE + i]
+        d0, d1 = differences[i], differences[PITCH + i]
+        d2, d3 = differences[2 * PITCH + i], differences[3 * PITCH + i]
         before, centre, after = d1 - d0, d2 - d1, d3 - d2
         smooth_before = before * before + _EPSILON
         smooth_centre = centre * centre + _EPSILON
@@ -74,7 +75,7 @@ def weno3(differences, count, left, right):  # type: ignore[no-untyped-def]
         right[i] = (outer * (d2 - half * after) + inner * middle) / (outer + inner)
 
 
-@line_function
+@state_function
 def weno5(differences, count, left, right):  # type: ignore[no-untyped-def]
     """Weigh the three third-order stencils by their smoothness (Jiang & Peng 2000; Osher & Fedkiw, eq. 3.25-3.39).
 
@@ -85,8 +86,8 @@ def weno5(differences, count, left, right):  # type: ignore[no-untyped-def]
     seven_sixths, eleven_sixths = np.float32(7.0 / 6.0), np.float32(11.0 / 6.0)
     one, three, six = np.float32(1.0), np.float32(3.0), np.float32(6.0)
     for i in range(count):
-        d0, d1, d2 = differences[i], differences[LINE + i], differences[2 * LINE + i]
-        d3, d4, d5 = differences[3 * LINE + i], differences[4 * LINE + i], differences[5 * LINE + i]
+        d0, d1, d2 = differences[i], differences[PITCH + i], differences[2 * PITCH + i]
+        d3, d4, d5 = differences[3 * PITCH + i], differences[4 * PITCH + i], differences[5 * PITCH + i]
         e0, e1, e2, e3, e4 = d1 - d0, d2 - d1, d3 - d2, d4 - d3, d5 - d4
         curve1, curve2, curve3, curve4 = e1 - e0, e2 - e1, e3 - e2, e4 - e3
         curve1, curve2 = thirteen_twelfths * curve1 * curve1, thirteen_twelfths * curve2 * curve2

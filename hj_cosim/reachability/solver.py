@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numba
 import numpy as np
@@ -24,7 +25,7 @@ from hj_cosim.reachability import kernel
 from hj_cosim.reachability.dynamics import DISSIPATION, HAMILTONIAN, TARGET, Dynamics, pointer
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.layout import lay_out
-from hj_cosim.reachability.schemes import DERIVATIVES, LINE, SCHEMES
+from hj_cosim.reachability.schemes import DERIVATIVES, SCHEMES
 
 # Called with the steps done and the steps there are.
 Progress = Callable[[int, int], None]
@@ -73,7 +74,7 @@ class Problem:
         self.target = pointer(dynamics.target, TARGET)
         dissipation = pointer(dynamics.dissipation, DISSIPATION)
         # What the kernels take, in their order.
-        self.nodes = (layout.nodes, np.array(layout.order), layout.coordinates)
+        self.nodes = (layout.nodes, np.array(layout.order), layout.coordinates, layout.slab_lines)
         self.stage = (
             layout.inverse_spacing,
             layout.stencils,
@@ -88,29 +89,22 @@ class Problem:
         speed = kernel.largest_speed(*self.nodes, layout.inverse_spacing, dissipation, self.parameters)
         self.time_step = specification.cfl / speed
 
-    def buffer(self) -> np.ndarray:
-        """Return room for the stored nodes; vector loops read a little past the end."""
-        return np.zeros(self.layout.stored_nodes + LINE, np.float32)
-
 
 @contextmanager
-def _line_workers(problem: Problem) -> Iterator[Callable[..., None]]:
-    """Yield a function that runs a kernel over all lines, shared between as many threads as there are cores."""
+def _slab_workers(problem: Problem) -> Iterator[Callable[..., None]]:
+    """Yield a function that runs a kernel over all slabs, shared between as many threads as there are cores."""
     workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    lines = problem.layout.lines
-    pieces = max(1, min(_PIECES * workers, lines // 8)) if workers > 1 else 1
-    edges = np.linspace(0, lines, pieces + 1).astype(np.int64)
+    slabs = problem.layout.slabs
+    pieces = max(1, min(_PIECES * workers, slabs)) if workers > 1 else 1
+    edges = np.linspace(0, slabs, pieces + 1).astype(np.int64)
     with ThreadPoolExecutor(workers) as pool:
 
-        def over_lines(function: Callable[..., None], *arguments: object) -> None:
-            parts = [
-                pool.submit(function, first, end, *problem.nodes, *arguments)
-                for first, end in zip(edges[:-1], edges[1:], strict=True)
-            ]
+        def over_slabs(function: Callable[..., None], *arguments: object) -> None:
+            parts = [pool.submit(function, first, end, *problem.nodes, *arguments) for first, end in pairwise(edges)]
             for part in parts:
                 part.result()
 
-        yield over_lines
+        yield over_slabs
 
 
 def solve(
@@ -135,10 +129,11 @@ def solve(
     began = time.perf_counter()
     grid = Grid.from_settings(specification.grid, dynamics.boundary)
     problem = Problem(dynamics, grid, specification, source)
-    values, first, second = problem.buffer(), problem.buffer(), problem.buffer()
-    with _line_workers(problem) as over_lines:
-        over_lines(kernel.target_lines, problem.target, problem.parameters, values)
-        floor = np.float32(values[: problem.layout.stored_nodes].min() if specification.clamp else -np.inf)
+    layout = problem.layout
+    values, first, second = layout.buffer(), layout.buffer(), layout.buffer()
+    with _slab_workers(problem) as over_slabs:
+        over_slabs(kernel.target_slabs, problem.target, problem.parameters, values)
+        floor = np.float32(layout.stored(values).min() if specification.clamp else -np.inf)
         step = problem.time_step
         steps = math.ceil(specification.horizon / step - 1e-9)
         before = values
@@ -146,7 +141,7 @@ def solve(
             if number == steps - 1:
                 step = specification.horizon - number * step
                 before = values.copy()
-            _runge_kutta_step(over_lines, problem, values, first, second, np.float32(step), floor)
+            _runge_kutta_step(over_slabs, problem, values, first, second, np.float32(step), floor)
             if problem.runge_kutta == 1:
                 values, first = first, values
             if progress is not None:
@@ -155,7 +150,7 @@ def solve(
     if not math.isfinite(residual) or not np.isfinite(values).all():
         raise TableError(f"{source}: the solution is not finite; check the dynamics, or lower cfl")
     del first, second, before
-    whole = problem.layout.whole(values)
+    whole = layout.whole(values)
     seconds = time.perf_counter() - began
     return whole, SolveReport(
         shape=grid.shape,
@@ -174,7 +169,7 @@ def solve(
 
 
 def _runge_kutta_step(
-    over_lines: Callable[..., None],
+    over_slabs: Callable[..., None],
     problem: Problem,
     values: np.ndarray,
     first: np.ndarray,
@@ -185,7 +180,7 @@ def _runge_kutta_step(
     """Advance `values` in place by one step; of order 1 the result is in `first`."""
 
     def stage(source: np.ndarray, target: np.ndarray, share: float) -> None:
-        over_lines(kernel.advance_lines, *problem.stage, source, values, target, np.float32(share), step, floor)
+        over_slabs(kernel.advance_slabs, *problem.stage, source, values, target, np.float32(share), step, floor)
 
     stage(values, first, 0.0)
     if problem.runge_kutta == 2:

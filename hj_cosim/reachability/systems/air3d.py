@@ -8,17 +8,17 @@ import math
 
 import numpy as np
 
-from hj_cosim.reachability.dynamics import Dynamics, line_function
+from hj_cosim.reachability.dynamics import Dynamics, state_function
 
 
-@line_function
+@state_function
 def target(x, c, out):  # type: ignore[no-untyped-def]
     """V(0, x) = √(x² + y²) − radius."""
     for i in range(out.shape[0]):
         out[i] = math.sqrt(x[0, i] * x[0, i] + x[1, i] * x[1, i]) - c[4]
 
 
-@line_function
+@state_function
 def flow(x, u, d, c, out):  # type: ignore[no-untyped-def]
     """dx/dt for the evader's turn rate u and the pursuer's d."""
     for i in range(out.shape[1]):
@@ -27,7 +27,7 @@ def flow(x, u, d, c, out):  # type: ignore[no-untyped-def]
         out[2, i] = d[0, i] - u[0, i]
 
 
-@line_function
+@state_function
 def hamiltonian(x, p, c, limits, out):  # type: ignore[no-untyped-def]
     """p·drift + ω̄_e |p_x y − p_y x − p_ψ| − ω̄_p |p_ψ|."""
     evader, pursuer, evader_turn, pursuer_turn = c[0], c[1], c[2], c[3]
@@ -38,7 +38,7 @@ def hamiltonian(x, p, c, limits, out):  # type: ignore[no-untyped-def]
         out[i] = p[0, i] * closing + p[1, i] * passing + evader_turn * turning - pursuer_turn * abs(p[2, i])
 
 
-@line_function
+@state_function
 def dissipation(x, c, out):  # type: ignore[no-untyped-def]
     """|drift| plus the turn rates' leverage."""
     closing = np.float32(abs(c[1] * math.cos(x[2, 0]) - c[0]))
@@ -49,7 +49,7 @@ def dissipation(x, c, out):  # type: ignore[no-untyped-def]
         out[2, i] = c[2] + c[3]
 
 
-@line_function
+@state_function
 def optimal_inputs(x, p, c, limits, u, d):  # type: ignore[no-untyped-def]
     """The evader turns up the slope, the pursuer down."""
     for i in range(u.shape[1]):
@@ -77,6 +77,6 @@ dynamics = Dynamics(
     boundary=("linear", "linear", "periodic"),
     outside=("safe", "safe", "clamp"),
     limited=(False, False, False),
-    line_axis=0,
+    slab_axes=(1, 0),
     mirrored_axes=(1, 2),
 )

@@ -4,17 +4,17 @@ x = (position, velocity), dx = (velocity, u), |u| <= acceleration; unsafe within
 V(0, x) = |position| − half_width. There is no disturbance.
 """
 
-from hj_cosim.reachability.dynamics import Dynamics, line_function
+from hj_cosim.reachability.dynamics import Dynamics, state_function
 
 
-@line_function
+@state_function
 def target(x, c, out):  # type: ignore[no-untyped-def]
     """V(0, x) = |position| − half_width."""
     for i in range(out.shape[0]):
         out[i] = abs(x[0, i]) - c[1]
 
 
-@line_function
+@state_function
 def flow(x, u, d, c, out):  # type: ignore[no-untyped-def]
     """dx/dt = (velocity, u)."""
     for i in range(out.shape[1]):
@@ -22,7 +22,7 @@ def flow(x, u, d, c, out):  # type: ignore[no-untyped-def]
         out[1, i] = u[0, i]
 
 
-@line_function
+@state_function
 def hamiltonian(x, p, c, limits, out):  # type: ignore[no-untyped-def]
     """p₁ velocity + acceleration |p₂|."""
     for i in range(out.shape[0]):
@@ -30,7 +30,7 @@ def hamiltonian(x, p, c, limits, out):  # type: ignore[no-untyped-def]
         out[i] = p[0, i] * x[1, i] + push * abs(p[1, i])
 
 
-@line_function
+@state_function
 def dissipation(x, c, out):  # type: ignore[no-untyped-def]
     """|velocity| and the acceleration."""
     for i in range(out.shape[1]):
@@ -38,7 +38,7 @@ def dissipation(x, c, out):  # type: ignore[no-untyped-def]
         out[1, i] = c[0]
 
 
-@line_function
+@state_function
 def optimal_inputs(x, p, c, limits, u, d):  # type: ignore[no-untyped-def]
     """Full acceleration up the slope."""
     for i in range(u.shape[1]):
@@ -63,5 +63,5 @@ dynamics = Dynamics(
     boundary=("linear", "linear"),
     outside=("safe", "clamp"),
     limited=(False, True),
-    line_axis=0,
+    slab_axes=(1, 0),
 )

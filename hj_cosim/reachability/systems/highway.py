@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from hj_cosim.reachability.dynamics import Dynamics, line_function
+from hj_cosim.reachability.dynamics import Dynamics, state_function
 from hj_cosim.vehicles.rss import lateral_distance, longitudinal_distance
 
 # The order in which the functions below unpack them.
@@ -33,7 +33,7 @@ PARAMETERS = {
 }
 
 
-@line_function
+@state_function
 def target(x, c, out):  # type: ignore[no-untyped-def]
     """V(0, x) = max(|p_x| − d_long, 4 (|p_y| − d_lat)³), distances between bumpers (paper, eq. case study V0).
 
@@ -58,7 +58,7 @@ def target(x, c, out):  # type: ignore[no-untyped-def]
         out[i] = max(gap_x, 4.0 * gap_y**3)
 
 
-@line_function
+@state_function
 def flow(x, u, d, c, out):  # type: ignore[no-untyped-def]
     """dx/dt for u = (ω_r, a_r), d = (θ_o, a_o)."""
     for i in range(out.shape[1]):
@@ -69,22 +69,22 @@ def flow(x, u, d, c, out):  # type: ignore[no-untyped-def]
         out[4, i] = d[1, i]
 
 
-@line_function
+@state_function
 def hamiltonian(x, p, c, limits, out):  # type: ignore[no-untyped-def]
     """max over (ω_r, a_r), min over (θ_o, a_o) of p · dx/dt in closed form.
 
     The other car's heading maximises p_x cos θ_o + p_y sin θ_o over |θ_o| <= θ̄: it points along (p_x, p_y) where
     that lies within the bounds, which makes the norm, and else along the nearer bound.
     """
-    heading, v_r, v_o = x[2, 0], x[3, 0], x[4, 0]
+    heading, v_r = x[2, 0], x[3, 0]  # shared by the nodes of a slab
     # At a limit of the state the input that would cross it is not available.
     zero = np.float32(0.0)
     omega_low = zero if heading <= limits[0, 2] else -c[0]
     omega_high = zero if heading >= limits[1, 2] else c[0]
     robot_low = zero if v_r <= limits[0, 3] else c[1]
     robot_high = zero if v_r >= limits[1, 3] else c[2]
-    other_low = zero if v_o <= limits[0, 4] else c[4]
-    other_high = zero if v_o >= limits[1, 4] else c[5]
+    slowest, fastest = limits[0, 4], limits[1, 4]
+    other_low, other_high = c[4], c[5]
     forward, leftward = np.float32(v_r * math.cos(heading)), np.float32(v_r * math.sin(heading))
     cos_bound, sin_bound, tan_bound = np.float32(math.cos(c[3])), np.float32(math.sin(c[3])), np.float32(math.tan(c[3]))
     for i in range(out.shape[0]):
@@ -95,26 +95,30 @@ def hamiltonian(x, p, c, limits, out):  # type: ignore[no-untyped-def]
         other = math.sqrt(p_x * p_x + p_y * p_y) if (p_x > zero) & (side <= p_x * tan_bound) else at_bound
         turning = omega_high * p[2, i] if p[2, i] > zero else omega_low * p[2, i]
         robot = robot_high * p[3, i] if p[3, i] > zero else robot_low * p[3, i]
-        braking = other_low * p[4, i] if p[4, i] > zero else other_high * p[4, i]
-        out[i] = forward * p_x + leftward * p_y - v_o * other + turning + robot + braking
+        v_o = x[4, i]
+        low = zero if v_o <= slowest else other_low
+        high = zero if v_o >= fastest else other_high
+        other_speed = low * p[4, i] if p[4, i] > zero else high * p[4, i]
+        out[i] = forward * p_x + leftward * p_y - v_o * other + turning + robot + other_speed
 
 
-@line_function
+@state_function
 def dissipation(x, c, out):  # type: ignore[no-untyped-def]
     """Tight bounds: dp_x over cos θ_o in [cos θ̄, 1], dp_y over sin θ_o in ± sin θ̄, and the inputs' magnitudes."""
-    forward, sideways = x[3, 0] * math.cos(x[2, 0]), abs(x[3, 0] * math.sin(x[2, 0]))
-    along = np.float32(max(abs(forward - x[4, 0]), abs(forward - x[4, 0] * math.cos(c[3]))))
-    across = np.float32(sideways + x[4, 0] * math.sin(c[3]))
-    robot, other = max(-c[1], c[2]), max(-c[4], c[5])
+    heading, v_r, heading_max = x[2, 0], x[3, 0], c[3]  # the first two are shared by the nodes of a slab
+    forward, sideways = np.float32(v_r * math.cos(heading)), np.float32(abs(v_r * math.sin(heading)))
+    cos_bound, sin_bound = np.float32(math.cos(heading_max)), np.float32(math.sin(heading_max))
+    turning, robot, other = c[0], max(-c[1], c[2]), max(-c[4], c[5])
     for i in range(out.shape[1]):
-        out[0, i] = along
-        out[1, i] = across
-        out[2, i] = c[0]
+        v_o = x[4, i]
+        out[0, i] = max(abs(forward - v_o), abs(forward - v_o * cos_bound))
+        out[1, i] = sideways + v_o * sin_bound
+        out[2, i] = turning
         out[3, i] = robot
         out[4, i] = other
 
 
-@line_function
+@state_function
 def optimal_inputs(x, p, c, limits, u, d):  # type: ignore[no-untyped-def]
     """The inputs that attain the Hamiltonian; where an input does not matter it is 0."""
     for i in range(u.shape[1]):
@@ -125,7 +129,7 @@ def optimal_inputs(x, p, c, limits, u, d):  # type: ignore[no-untyped-def]
         d[1, i] = _box_maximiser(-p[4, i], x[4, i], limits[0, 4], limits[1, 4], c[4], c[5])
 
 
-@line_function
+@state_function
 def _box_maximiser(slope, state, state_low, state_high, low, high):  # type: ignore[no-untyped-def]
     """The input in [low, high] that maximises slope · input, without leaving [state_low, state_high]."""
     if slope > 0.0:
@@ -149,6 +153,6 @@ dynamics = Dynamics(
     boundary=("linear",) * 5,
     outside=("safe", "safe", "clamp", "clamp", "clamp"),
     limited=(False, False, True, True, True),
-    line_axis=0,
+    slab_axes=(4, 0),
     mirrored_axes=(1, 2),
 )
