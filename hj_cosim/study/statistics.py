@@ -22,9 +22,11 @@ PERCENTILES: Mapping[str, tuple[str, float, bool]] = {
 }
 SAMPLE_COLUMNS = tuple(dict.fromkeys(column for column, _, _ in PERCENTILES.values()))
 
-_TOTALS = ("collisions",)
-_MINIMA = ("min_gap",)
-_PER_EPISODE = ("distance", "lane_changes")
+_TOTALS = ("collisions", "hard_brakes_imposed")
+_MINIMA = ("min_gap", "min_gap_ahead", "headway_min")
+_MAXIMA = ("drac_max", "max_abs_jerk", "max_abs_lateral_acceleration")
+_PER_EPISODE = ("distance", "lane_changes", "time_value_le_0", "headway_p10", "drac_p90")
+COLLISION_EPISODES = "collision_episodes"
 # Facts about an episode that are no result of it, and what depends on the machine.
 _NOT_METRICS = (
     *("planner", "filter", "scheme", "seed", "scenario", "duration", "samples"),
@@ -44,16 +46,17 @@ class EpisodeResult:
     samples: Mapping[str, np.ndarray]  # (N,) each of SAMPLE_COLUMNS
 
 
-def metric_names(results: Sequence[EpisodeResult]) -> tuple[str, ...]:
-    """Return the names of the metrics, in the order of the summaries."""
-    return tuple(name for name in results[0].summary if name not in _NOT_METRICS) if results else ()
+def _summary_metrics(results: Sequence[EpisodeResult]) -> tuple[str, ...]:
+    """Return the metrics of the summaries, in their order."""
+    return tuple(name for name in results[0].summary if name not in _NOT_METRICS)
 
 
 def replicates(results: Sequence[EpisodeResult], weights: np.ndarray) -> dict[str, np.ndarray]:
     """Return every metric (R,) of the episodes, each counted as often as each row of `weights` says.
 
-    Collisions are added up over the episodes, min_gap is the smallest, distance and lane changes are means over
-    episodes, and everything else is over samples.
+    The paper's fractions, means and percentiles are over all samples. Collisions and imposed brakes are added up;
+    collision_episodes counts the episodes with a collision; smallest and largest values are over all episodes; what
+    an episode has one of (distance, lane changes, the percentiles beyond the paper's) is averaged over episodes.
 
     Args:
         results: E episodes, one or more.
@@ -62,7 +65,7 @@ def replicates(results: Sequence[EpisodeResult], weights: np.ndarray) -> dict[st
     lengths = np.array([result.summary["samples"] for result in results], float)
     by_samples = weights * lengths
     metrics = {}
-    for name in metric_names(results):
+    for name in _summary_metrics(results):
         values = np.array([result.summary[name] for result in results], float)
         if name in PERCENTILES:
             column, percent, upwards = PERCENTILES[name]
@@ -72,10 +75,14 @@ def replicates(results: Sequence[EpisodeResult], weights: np.ndarray) -> dict[st
             metrics[name] = _weighted_sum(weights, values)
         elif name in _MINIMA:
             metrics[name] = np.where(weights > 0, values, np.inf).min(axis=1)
+        elif name in _MAXIMA:
+            metrics[name] = np.where(weights > 0, values, -np.inf).max(axis=1)
         elif name in _PER_EPISODE:
             metrics[name] = _weighted_sum(weights, values) / weights.sum(axis=1)
         else:
             metrics[name] = _weighted_sum(by_samples, values) / by_samples.sum(axis=1)
+    crashed = np.array([result.summary["collisions"] > 0 for result in results], float)
+    metrics[COLLISION_EPISODES] = _weighted_sum(weights, crashed)
     return metrics
 
 

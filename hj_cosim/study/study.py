@@ -3,27 +3,33 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from functools import cache
 from itertools import count
 from pathlib import Path
-from shutil import rmtree
 from typing import Any
 
 import pandas as pd
-import tomli_w
 
 from hj_cosim import __version__
-from hj_cosim.analysis.run_folder import require_free_folder
-from hj_cosim.cosim.configuration import config_toml
-from hj_cosim.errors import RunFolderError
-from hj_cosim.files import whole_file
 from hj_cosim.locations import runs_folder
 from hj_cosim.reachability.value_table import find_specification, load_table, table_path
 from hj_cosim.study.cluster import DaskCluster
-from hj_cosim.study.design import Cell, StudyDesign, design_study, parse_variation
+from hj_cosim.study.design import StudyDesign, design_study, parse_variation
 from hj_cosim.study.driving import drive_episode
-from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob, Keep, Outcome
+from hj_cosim.study.folder import (
+    COMPARISON,
+    DIFFERENCES,
+    EPISODES_TABLE,
+    FIGURES,
+    TABLE,
+    WALL_TIMES,
+    WINDOWS,
+    Failure,
+    StudyFolder,
+)
+from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob, Keep
 from hj_cosim.study.local_workers import LocalWorkers
-from hj_cosim.study.results import config_of, is_complete, read_result
+from hj_cosim.study.results import is_complete, read_result
 from hj_cosim.study.stacks import PAPER_STACKS, Stack
 from hj_cosim.study.statistics import RowStatistics
 from hj_cosim.study.tables import (
@@ -36,28 +42,7 @@ from hj_cosim.study.tables import (
     write_parquet,
 )
 
-STUDY = "study.toml"
-TABLE = "table.csv"
-DIFFERENCES = "differences.csv"
-COMPARISON = "comparison.csv"
-EPISODES_TABLE = "episodes.parquet"
-WINDOWS = "windows.parquet"
-WALL_TIMES = "wall_times.csv"
-EPISODES = "episodes"
-FAILURES = "failures"
-FIGURES = "figures"
-
 Progress = Callable[[int, int], None]
-
-
-@dataclass(frozen=True)
-class Failure:
-    """An episode that could not be driven."""
-
-    stack: str  # its folder below episodes/
-    seed: int
-    reason: str  # one sentence
-    log: Path  # what the worker printed
 
 
 @dataclass(frozen=True)
@@ -128,39 +113,26 @@ def run_study(
         assignments=tuple(assignments),
     )
     engine: Engine = LocalWorkers(workers) if scheduler is None else DaskCluster(scheduler)
-    folder = folder or new_study_folder(design)
-    prepare_folder(folder, resume=resume)
-    tables = {name: solved_table(name, solving) for name in sorted({cell.config.table for cell in design.cells})}
-    jobs = remaining_jobs(design, folder, tables=tables, keep=keep)
-    write_description(design, folder, preset=preset, vary=vary, assignments=assignments)
-    total = len(design.cells) * len(design.seeds)
-    present = total - len(jobs)
-
-    def report(done: int) -> None:
-        if progress is not None:
-            progress(present + done, total)
-
-    report(0)
-    failures = carry_out(jobs, folder, engine, drive_episode, report)
-    return write_tables(design, folder, failures)
-
-
-def write_description(
-    design: StudyDesign, folder: Path, *, preset: str, vary: Sequence[str], assignments: Sequence[str]
-) -> None:
-    """Write study.toml: what was asked for, in the words of the command line; it marks the folder as a study's."""
     description = {
         "hj_cosim": __version__,
-        "scenarios": list(dict.fromkeys(cell.scenario for cell in design.cells)),
-        "stacks": list(dict.fromkeys(cell.stack.name for cell in design.cells)),
-        "episodes": len(design.seeds),
-        "seed": design.seeds[0],
+        "scenarios": [scenarios] if isinstance(scenarios, str) else list(scenarios),
+        "stacks": [stack.name for stack in stacks],
+        "episodes": episodes,
+        "seed": seed,
         "preset": preset,
         "vary": list(vary),
         "set": list(assignments),
     }
-    with whole_file(folder / STUDY) as temporary:
-        temporary.write_text(tomli_w.dumps(description), encoding="utf-8")
+    return conduct(
+        StudyFolder(folder or new_study_folder(design), design),
+        description,
+        engine,
+        function=drive_episode,
+        table_file=cache(lambda name: solved_table(name, solving)),
+        keep=keep,
+        resume=resume,
+        progress=progress,
+    )
 
 
 def solved_table(name: str, progress: Progress | None = None) -> Path:
@@ -177,107 +149,79 @@ def new_study_folder(design: StudyDesign) -> Path:
     return next(folder for folder in folders if not folder.exists())
 
 
-def remaining_jobs(design: StudyDesign, folder: Path, *, tables: Mapping[str, Path], keep: Keep) -> list[EpisodeJob]:
-    """Return the episodes that are not in a study's folder yet.
+def conduct(
+    folder: StudyFolder,
+    description: Mapping[str, Any],
+    engine: Engine,
+    *,
+    function: EpisodeFunction,
+    table_file: Callable[[str], Path],
+    keep: Keep = "all",
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> Study:
+    """Drive what a study's folder lacks, and write its tables.
 
     Args:
-        design: the study.
         folder: the study's.
-        tables: the solved value table of each name in the configurations.
+        description: what goes into study.toml.
+        engine: where the episodes are driven.
+        function: how one is driven.
+        table_file: tells the solved value table of a name; called before the first episode.
         keep: what the run folders are to hold.
+        resume: whether a study that is there is gone on with.
+        progress: called with the episodes done and the episodes in all.
 
     Raises:
-        RunFolderError: if an episode that is there was driven with another configuration.
+        RunFolderError, WorkerError: as `run_study`.
     """
-    jobs = []
-    for cell, seed in design.episodes():
-        config = cell.config.model_copy(update={"seed": seed})
-        run_folder = episode_folder(design, folder, cell, seed)
-        if not is_complete(run_folder):
-            jobs.append(EpisodeJob(config, tables[config.table], run_folder, keep))
-        elif config_of(run_folder) != config_toml(config):
-            raise RunFolderError(
-                f"{run_folder} was driven with another configuration than is asked for now; resume with the options"
-                f" in {folder / STUDY}, or choose another --out"
-            )
-    return jobs
+    folder.prepare(resume=resume)
+    jobs = folder.remaining_jobs(table_file, keep)
+    folder.describe(description)
+    total = len(folder.design.cells) * len(folder.design.seeds)
+    present = total - len(jobs)
+
+    def report(done: int) -> None:
+        if progress is not None:
+            progress(present + done, total)
+
+    report(0)
+    failures = _drive(jobs, folder, engine, function, report)
+    return write_tables(folder, failures)
 
 
-def episode_folder(design: StudyDesign, folder: Path, cell: Cell, seed: int) -> Path:
-    """Return the run folder of an episode."""
-    return folder / EPISODES / design.folder_name(cell) / str(seed)
-
-
-def prepare_folder(folder: Path, *, resume: bool) -> None:
-    """Make sure that a study can go to a folder: a new one, or an interrupted study's, cleared of what was cut short.
-
-    Raises:
-        RunFolderError: if the folder holds something else, or a study that is not to be resumed.
-    """
-    holds_study = (folder / STUDY).is_file()
-    if holds_study and not resume:
-        raise RunFolderError(f"{folder} already holds a study; add --resume to go on with it, or choose another --out")
-    if not holds_study:
-        require_free_folder(folder)
-    for unfinished in (folder / EPISODES).glob("**/.*"):
-        rmtree(unfinished, ignore_errors=True)
-    rmtree(folder / FAILURES, ignore_errors=True)
-
-
-def carry_out(
+def _drive(
     jobs: Sequence[EpisodeJob],
-    folder: Path,
+    folder: StudyFolder,
     engine: Engine,
     function: EpisodeFunction,
-    progress: Callable[[int], None] | None = None,
+    report: Callable[[int], None],
 ) -> tuple[Failure, ...]:
-    """Have an engine drive the jobs, and keep the logs of those that fail in the study's `failures/`.
-
-    Args:
-        jobs: what to drive.
-        folder: the study's.
-        engine: where.
-        function: how.
-        progress: called with how many of the jobs are done.
-
-    Returns:
-        The episodes that failed, in the order of the jobs.
-    """
+    """Have an engine carry out the jobs, and return those that failed, in the order of the jobs."""
     failures: dict[Path, Failure] = {}
     with closing(engine.run(jobs, function)) as outcomes:
         for done, outcome in enumerate(outcomes, start=1):
-            # A worker that was killed after it put the folder in place has done its work.
+            # A worker that was killed after it had put the folder in place has done its work.
             if outcome.error is not None and not is_complete(outcome.job.folder):
-                failures[outcome.job.folder] = _keep_log(outcome, folder)
-            if progress is not None:
-                progress(done)
+                failures[outcome.job.folder] = folder.keep_log(outcome)
+            report(done)
     return tuple(failures[job.folder] for job in jobs if job.folder in failures)
 
 
-def _keep_log(outcome: Outcome, folder: Path) -> Failure:
-    place = outcome.job.folder.relative_to(folder / EPISODES)
-    failure = Failure(
-        place.parent.as_posix(),
-        outcome.job.config.seed,
-        str(outcome.error),
-        (folder / FAILURES / place).with_suffix(".log"),
-    )
-    with whole_file(failure.log) as temporary:
-        temporary.write_text(f"{failure.reason}\n\n{outcome.log}", encoding="utf-8")
-    return failure
-
-
-def write_tables(design: StudyDesign, folder: Path, failures: tuple[Failure, ...] = ()) -> Study:
+def write_tables(folder: StudyFolder, failures: tuple[Failure, ...] = ()) -> Study:
     """Write a study's tables from the episodes that are there, and return them.
 
     Raises:
-        RunFolderError: if an episode's run folder cannot be read, or the tables cannot be written.
+        RunFolderError: if an episode's run folder cannot be read.
     """
-    rows, episodes, windows, wall_times = [], [], [], []
-    for cell in design.cells:
+    rows: list[Row] = []
+    episodes: list[dict[str, Any]] = []
+    windows: list[dict[str, Any]] = []
+    wall_times: list[dict[str, Any]] = []
+    for cell in folder.design.cells:
         results = []
-        for seed in design.seeds:
-            run_folder = episode_folder(design, folder, cell, seed)
+        for seed in folder.design.seeds:
+            run_folder = folder.run_folder(cell, seed)
             if not is_complete(run_folder):
                 continue
             result, own_windows = read_result(run_folder)
@@ -286,16 +230,16 @@ def write_tables(design: StudyDesign, folder: Path, failures: tuple[Failure, ...
             episodes.append({**factors, **_without(result.summary, (*factors, *MACHINE_DEPENDENT))})
             windows += [{**factors, **window} for window in own_windows]
             wall_times.append({**factors, **{name: result.summary[name] for name in MACHINE_DEPENDENT}})
-        rows.append(Row(cell, RowStatistics(results), len(design.seeds) - len(results)))
-    table, differences = study_table(rows), difference_table(rows)
-    study = Study(folder, table, differences, comparison_table(table), failures)
-    write_csv(study.table, folder / TABLE)
-    write_csv(study.differences, folder / DIFFERENCES)
-    write_csv(study.comparison, folder / COMPARISON)
-    write_csv(pd.DataFrame(wall_times), folder / WALL_TIMES)
-    write_parquet(episodes, folder / EPISODES_TABLE)
-    write_parquet(windows, folder / WINDOWS)
-    (folder / FIGURES).mkdir(exist_ok=True)
+        rows.append(Row(cell, RowStatistics(results), len(folder.design.seeds) - len(results)))
+    table = study_table(rows)
+    study = Study(folder.path, table, difference_table(rows), comparison_table(table), failures)
+    write_csv(study.table, folder.path / TABLE)
+    write_csv(study.differences, folder.path / DIFFERENCES)
+    write_csv(study.comparison, folder.path / COMPARISON)
+    write_csv(pd.DataFrame(wall_times), folder.path / WALL_TIMES)
+    write_parquet(episodes, folder.path / EPISODES_TABLE)
+    write_parquet(windows, folder.path / WINDOWS)
+    (folder.path / FIGURES).mkdir(exist_ok=True)
     return study
 
 

@@ -1,0 +1,114 @@
+"""A study's folder: which episodes are there, what is still to be driven, and where its tables go.
+
+study.toml           what was asked for
+table.csv            a row per stack (and scenario, and value of a varied knob), with intervals
+differences.csv      rows against rows, on the same seeds
+comparison.csv       the paper's numbers beside ours
+episodes.parquet     a row per episode
+windows.parquet      a row per episode and ten seconds: the points of the trade-off figure
+wall_times.csv       what each episode took; all else is the same on every machine and for any number of workers
+episodes/<stack>/<seed>/      a run folder each
+failures/<stack>/<seed>.log   of episodes that failed
+figures/
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from shutil import rmtree
+from typing import Any
+
+import tomli_w
+
+from hj_cosim.analysis.run_folder import require_free_folder
+from hj_cosim.cosim.configuration import config_toml
+from hj_cosim.errors import RunFolderError
+from hj_cosim.files import whole_file
+from hj_cosim.study.design import Cell, StudyDesign
+from hj_cosim.study.jobs import EpisodeJob, Keep, Outcome
+from hj_cosim.study.results import config_of, is_complete
+
+STUDY = "study.toml"
+TABLE = "table.csv"
+DIFFERENCES = "differences.csv"
+COMPARISON = "comparison.csv"
+EPISODES_TABLE = "episodes.parquet"
+WINDOWS = "windows.parquet"
+WALL_TIMES = "wall_times.csv"
+EPISODES = "episodes"
+FAILURES = "failures"
+FIGURES = "figures"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An episode that could not be driven."""
+
+    stack: str  # its folder below episodes/
+    seed: int
+    reason: str  # one sentence
+    log: Path  # what the worker printed
+
+
+@dataclass(frozen=True)
+class StudyFolder:
+    """The folder of a study."""
+
+    path: Path
+    design: StudyDesign
+
+    def prepare(self, *, resume: bool) -> None:
+        """Make sure that the study can go here, and clear away what an interrupted one left unfinished.
+
+        Raises:
+            RunFolderError: if the folder holds something else, or a study that is not to be resumed.
+        """
+        if not (self.path / STUDY).is_file():
+            require_free_folder(self.path)
+        elif not resume:
+            raise RunFolderError(
+                f"{self.path} already holds a study; add --resume to go on with it, or choose another --out"
+            )
+        for unfinished in list((self.path / EPISODES).glob("**/.*")):
+            rmtree(unfinished, ignore_errors=True)
+        rmtree(self.path / FAILURES, ignore_errors=True)
+
+    def describe(self, description: Mapping[str, Any]) -> None:
+        """Write study.toml, which marks the folder as a study's."""
+        with whole_file(self.path / STUDY) as temporary:
+            temporary.write_text(tomli_w.dumps(description), encoding="utf-8")
+
+    def run_folder(self, cell: Cell, seed: int) -> Path:
+        """Return the run folder of an episode."""
+        return self.path / EPISODES / self.design.folder_name(cell) / str(seed)
+
+    def remaining_jobs(self, table_file: Callable[[str], Path], keep: Keep = "all") -> list[EpisodeJob]:
+        """Return the episodes that are not there yet.
+
+        Args:
+            table_file: tells the solved value table of each name in the configurations.
+            keep: what their run folders are to hold.
+
+        Raises:
+            RunFolderError: if an episode that is there was driven with another configuration.
+        """
+        jobs = []
+        for cell, seed in self.design.episodes():
+            config = cell.config.model_copy(update={"seed": seed})
+            run_folder = self.run_folder(cell, seed)
+            if not is_complete(run_folder):
+                jobs.append(EpisodeJob(config, table_file(config.table), run_folder, keep))
+            elif config_of(run_folder) != config_toml(config):
+                raise RunFolderError(
+                    f"{run_folder} was driven with another configuration than is asked for now; resume with the"
+                    f" options in {self.path / STUDY}, or choose another --out"
+                )
+        return jobs
+
+    def keep_log(self, outcome: Outcome) -> Failure:
+        """Write the log of an episode that failed, and return what is known of it."""
+        place = outcome.job.folder.relative_to(self.path / EPISODES)
+        log = self.path / FAILURES / place.parent / f"{place.name}.log"
+        with whole_file(log) as temporary:
+            temporary.write_text(f"{outcome.error}\n\n{outcome.log}", encoding="utf-8")
+        return Failure(place.parent.as_posix(), outcome.job.config.seed, str(outcome.error), log)
