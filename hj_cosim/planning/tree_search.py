@@ -215,19 +215,19 @@ def worst_value(state: np.ndarray, robot: int, heading: float, table: TableArray
     Stops at −clip: nothing below it changes the reward.
     """
     worst = math.inf
+    lower, inverse_spacing, shape = table.lower, table.inverse_spacing, table.values.shape
+    rear, right = lower[0], lower[1]
+    front, left = rear + (shape[0] - 1) / inverse_spacing[0], right + (shape[1] - 1) / inverse_spacing[1]
     for car in range(state.shape[1]):
-        if car != robot:
-            value = value_at(
-                table,
-                float(state[POSITION, robot] - state[POSITION, car]),
-                float(state[LATERAL, robot] - state[LATERAL, car]),
-                heading,
-                float(state[SPEED, robot]),
-                float(state[SPEED, car]),
-            )
-            worst = min(worst, value)
-            if worst <= -clip:
-                break
+        p_x = float(state[POSITION, robot] - state[POSITION, car])
+        p_y = float(state[LATERAL, robot] - state[LATERAL, car])
+        # Most cars of a large scene are beyond the grid: they need not be looked up to be told so.
+        if car == robot or not (rear <= p_x <= front and right <= p_y <= left):
+            continue
+        value = value_at(table, p_x, p_y, heading, float(state[SPEED, robot]), float(state[SPEED, car]))
+        worst = min(worst, value)
+        if worst <= -clip:
+            break
     return worst
 
 
