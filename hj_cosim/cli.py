@@ -111,7 +111,8 @@ def table_solve(
     as_json: Json = False,
 ) -> None:
     """Solve a value table and write it."""
-    from hj_cosim.reachability.value_table import changed_specification, find_specification, solve_table, table_path
+    from hj_cosim.reachability.catalogue import changed_specification
+    from hj_cosim.reachability.value_table import find_specification, solve_table, table_path
 
     path = find_specification(specification)
     changed = changed_specification(path, shape=shape, scheme=scheme)
@@ -135,7 +136,7 @@ def _show_report(table: Any, path: Path, as_json: bool) -> None:
 @table_app.command("list", epilog=_example("hj-cosim table list"))
 def table_list(as_json: Json = False) -> None:
     """List the specifications, and which of them are solved."""
-    from hj_cosim.reachability.value_table import table_overview
+    from hj_cosim.reachability.catalogue import table_overview
 
     rows = [asdict(row) for row in table_overview()]
     if as_json:

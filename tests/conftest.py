@@ -1,0 +1,33 @@
+"""What all rooms' tests share: a value table small enough to be solved anew for every test run."""
+
+from pathlib import Path
+
+import pytest
+
+from hj_cosim.reachability.value_table import ValueTable, load_table
+
+SMALL_SPECIFICATION = """
+description = "The highway game on a coarse grid, first order: for tests"
+dynamics = "highway"
+horizon = 3.0
+scheme = "first_order"
+
+[grid]
+lower = [-100.0, -8.0, -0.4, 0.0, 0.0]
+upper = [100.0, 8.0, 0.4, 40.0, 40.0]
+shape = [41, 17, 9, 9, 9]
+"""
+
+
+@pytest.fixture(scope="session")
+def small_specification(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the path of a coarse highway specification; its table is kept beside it once it has been solved."""
+    path = tmp_path_factory.mktemp("tables") / "highway_small.toml"
+    path.write_text(SMALL_SPECIFICATION)
+    return path
+
+
+@pytest.fixture(scope="session")
+def small_table(small_specification: Path) -> ValueTable:
+    """Return the coarse highway table, solved."""
+    return load_table(str(small_specification))

@@ -1,0 +1,35 @@
+"""The package works from any folder: a wheel in an empty environment, run from an empty folder."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+def test_wheel_in_an_empty_environment_drives_from_an_empty_folder(tmp_path, small_specification):
+    uv = shutil.which("uv", path=str(Path(sys.executable).parent)) or shutil.which("uv")
+    assert uv is not None, "uv, which the Makefile installs beside Python, is needed for this test"
+    environment, elsewhere = tmp_path / "environment", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    python = environment / "bin" / "python"
+
+    def run(*command, **options):
+        done = subprocess.run([*map(str, command)], capture_output=True, text=True, cwd=elsewhere, **options)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    run(uv, "build", "--quiet", "--wheel", "--out-dir", tmp_path, REPOSITORY)
+    (wheel,) = tmp_path.glob("*.whl")
+    run(uv, "venv", "--quiet", "--python", sys.executable, environment)
+    run(uv, "pip", "install", "--quiet", "--python", python, "--constraint", REPOSITORY / "constraints.txt", wheel)
+
+    command = environment / "bin" / "hj-cosim"
+    assert {"paper", "dense"} <= {row["name"] for row in json.loads(run(command, "scenarios", "--json"))}
+    options = ("--duration", 2, "--table", small_specification, "--json")
+    summary = json.loads(run(command, "run", "paper", *options))
+    assert summary["samples"] == 100
+    assert Path(summary["folder"]).parent == elsewhere / "runs"
+    assert (Path(summary["folder"]) / "figures" / "snapshots.png").is_file()
