@@ -79,7 +79,8 @@ class Dynamics:
         for key in overrides:
             if key not in self.parameters:
                 raise ConfigurationError(
-                    f"{source}: parameters.{key}: {self.name} has no such parameter; it has {', '.join(self.parameters)}"
+                    f"{source}: parameters.{key}: {self.name} has no such parameter;"
+                    f" it has {', '.join(self.parameters)}"
                 )
         return np.array([overrides.get(key, default) for key, default in self.parameters.items()], np.float32)
 

@@ -252,7 +252,15 @@ def advance_slabs(
                 _differences_along_lines(source, here, lines, line, rows, line_boundary, scale, differences)
             elif axis == dimension - 2:
                 _differences_between_lines(
-                    source, here, first_line, lines, line, stencils[axis], mirror_shift, scale, differences
+                    source,
+                    here,
+                    first_line,
+                    lines,
+                    line,
+                    stencils[axis, : nodes[axis]],
+                    mirror_shift,
+                    scale,
+                    differences,
                 )
             else:
                 for m in range(rows):

@@ -127,7 +127,7 @@ def _fold(dynamics: Dynamics, grid: Grid, order: list[int]) -> tuple[int, bool]:
 def _stencil_entry(
     node: int, low: int, count: int, stride: int, boundary: int, folded: bool, on_node: bool
 ) -> tuple[int, int, int, int, int]:
-    """Return the entry of `Layout.stencils` for the difference between the nodes `low` and `low + 1`, seen from `node`."""
+    """Return the entry of `Layout.stencils` for the difference between `low` and `low + 1`, seen from `node`."""
     sign = 0
     if boundary != PERIODIC:
         beyond_lower, beyond_upper = low < 0 and not folded, low + 1 >= count
