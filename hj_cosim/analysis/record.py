@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hj_cosim.vehicles.observation import Observation
 from hj_cosim.vehicles.road import Road
 
 ROBOT_NAME = "robot"
@@ -103,3 +104,23 @@ class RunRecord:
     traffic: TrafficTrack
     robot: RobotTrack
     threats: ThreatTrack
+
+    def observation(self, sample: int) -> Observation:
+        """Return what the robot saw at a sample; where a lane change leads was not recorded, so it is the lane."""
+        robot, traffic = self.robot, self.traffic
+        here = np.flatnonzero(traffic.present[sample])
+        return Observation(
+            time=float(self.time[sample]),
+            robot=np.array([robot.x[sample], robot.y[sample], robot.heading[sample], robot.speed[sample]]),
+            robot_acceleration=float(robot.acceleration[max(sample - 1, 0)]),
+            vehicle=here,
+            x=traffic.x[sample, here],
+            y=traffic.y[sample, here],
+            heading=traffic.heading[sample, here],
+            speed=traffic.speed[sample, here],
+            acceleration=traffic.acceleration[sample, here],
+            lane=traffic.lane[sample, here],
+            target_lane=traffic.lane[sample, here],
+            length=traffic.length[here],
+            width=traffic.width[here],
+        )

@@ -8,6 +8,7 @@ import pytest
 from hj_cosim.analysis.metrics import threat_track
 from hj_cosim.analysis.record import NO_VEHICLE, RobotTrack, RunRecord, TrafficTrack
 from hj_cosim.config import EpisodeConfig, Scenario
+from hj_cosim.reachability.value_table import ValueTable
 from hj_cosim.vehicles.road import Road
 
 STEP = 0.02
@@ -62,3 +63,9 @@ def record() -> RunRecord:
 @pytest.fixture
 def config() -> EpisodeConfig:
     return EpisodeConfig(seed=7, scenario=Scenario(name="synthetic"))
+
+
+@pytest.fixture(scope="session")
+def table(small_table: ValueTable) -> ValueTable:
+    """Return the coarse highway table that all rooms share."""
+    return small_table

@@ -1,0 +1,98 @@
+"""The safe controls of SPC and RSS at one moment of a run, and what MI and SW choose among them."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from hj_cosim.analysis.figures import style
+from hj_cosim.analysis.run_folder import Run
+from hj_cosim.config import FilterSettings, RobotSettings
+from hj_cosim.control.safety_filter import FilterResult, make_filter
+from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.vehicles.observation import Control
+
+FILTERS = (("spc", "SPC"), ("rss", "RSS"))
+SCHEMES = (("mi", "MI", style.BLUE, "o"), ("sw", "SW", style.PURPLE, "s"))
+MEMORY = 1.0  # s of the run before the moment that the filters see, for RSS remembers
+
+
+def control_sets(run: Run, table: ValueTable, time: float | None = None) -> style.Drawing:
+    """Return the half-planes and the chosen controls of SPC and RSS, MI and SW.
+
+    Args:
+        run: whose cars and desired controls are used.
+        table: V.
+        time: of the moment, s; the one with most constraints, of those the one of the least value, unless given.
+    """
+    sample = _busiest_sample(run) if time is None else int(np.argmin(np.abs(run.record.time - time)))
+    robot = RobotSettings.model_validate(run.config["robot"])
+    results = {
+        (kind, scheme): _filtered(run, table, sample, robot, kind, scheme)
+        for kind, _ in FILTERS
+        for scheme, *_ in SCHEMES
+    }
+    with style.house_style():
+        figure = Figure(figsize=(style.PAGE_WIDTH, 3.2), layout="constrained")
+        panels = figure.subplots(1, 2, sharey=True)
+        for axes, (kind, label) in zip(panels, FILTERS, strict=True):
+            _draw_set(axes, results[kind, "mi"], robot)
+            for scheme, name, colour, marker in SCHEMES:
+                control = results[kind, scheme].control
+                axes.plot(control.omega, control.acceleration, marker, color=colour, markersize=7, zorder=5, label=name)
+            desired = results[kind, "mi"].desired
+            axes.plot(desired.omega, desired.acceleration, "*", color=style.BLACK, markersize=10, label="desired")
+            axes.set_title(f"{label}: {len(results[kind, 'mi'].rows)} rows, t = {run.record.time[sample]:.2f} s")
+            axes.set_xlabel("ω (rad/s)")
+        panels[0].set_ylabel("a (m/s²)")
+        panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="orange: all\nrows are met")
+    return style.Drawing(figure, pd.DataFrame(_rows(results)))
+
+
+def _busiest_sample(run: Run) -> int:
+    constraints, value = run.record.robot.constraints, run.record.robot.value
+    return int(np.lexsort((value, -constraints))[0])
+
+
+def _filtered(run: Run, table: ValueTable, sample: int, robot: RobotSettings, kind: str, scheme: str) -> FilterResult:
+    """Return what a filter does at a sample, after it has watched the run for a while."""
+    record = run.record
+    step = float(run.config["simulation"]["step"])
+    settings = FilterSettings.model_validate({**run.config["filter"], "kind": kind, "scheme": scheme})
+    safety_filter = make_filter(settings, robot, table, step)
+    for seen in range(max(sample - round(MEMORY / step), 0), sample + 1):
+        desired = Control(float(record.robot.omega_desired[seen]), float(record.robot.acceleration_desired[seen]))
+        result = safety_filter.filter(record.observation(seen), desired)
+    return result
+
+
+def _draw_set(axes: Axes, result: FilterResult, robot: RobotSettings) -> None:
+    omega = np.linspace(-robot.omega_max, robot.omega_max, 241)
+    acceleration = np.linspace(robot.acceleration_min, robot.acceleration_max, 241)
+    grid_omega, grid_acceleration = np.meshgrid(omega, acceleration)
+    safe = np.ones(grid_omega.shape, bool)
+    for p, q, c in zip(result.rows.p, result.rows.q, result.rows.c, strict=True):
+        row = p * grid_omega + q * grid_acceleration + c
+        safe &= row >= 0.0
+        if row.min() < 0.0 < row.max():
+            axes.contour(omega, acceleration, row, levels=[0.0], colors=style.GREY, linewidths=1.2)
+    axes.contourf(omega, acceleration, safe, levels=[0.5, 1.5], colors=[style.ORANGE], alpha=0.45)
+    axes.set(xlim=(omega[0], omega[-1]), ylim=(acceleration[0], acceleration[-1]))
+
+
+def _rows(results: dict[tuple[str, str], FilterResult]) -> list[dict[str, object]]:
+    """Return a row for each half-plane p ω + q a + c >= 0, with the control chosen under it."""
+    rows: list[dict[str, object]] = []
+    for (kind, scheme), result in results.items():
+        chosen = {
+            "filter": kind,
+            "scheme": scheme,
+            "omega": result.control.omega,
+            "acceleration": result.control.acceleration,
+            "omega_desired": result.desired.omega,
+            "acceleration_desired": result.desired.acceleration,
+            "slack": result.slack,
+        }
+        halves = zip(result.rows.vehicle, result.rows.p, result.rows.q, result.rows.c, strict=True)
+        rows += [{**chosen, "vehicle": int(car), "p": p, "q": q, "c": c} for car, p, q, c in halves] or [chosen]
+    return rows

@@ -1,0 +1,128 @@
+"""Every figure by its name, drawn from a run's or a study's folder or from a value table alone."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import pandas as pd
+
+from hj_cosim.analysis.figures import control_sets as control_sets_figure
+from hj_cosim.analysis.figures.density_sweep import density_sweep
+from hj_cosim.analysis.figures.highway import highway
+from hj_cosim.analysis.figures.planner_comparison import planner_comparison
+from hj_cosim.analysis.figures.schematic import boxed_in, schematic
+from hj_cosim.analysis.figures.snapshots import snapshots
+from hj_cosim.analysis.figures.style import Drawing
+from hj_cosim.analysis.figures.timeline import timeline
+from hj_cosim.analysis.figures.trade_off import trade_off
+from hj_cosim.analysis.figures.value_along_drive import value_along_drive
+from hj_cosim.analysis.figures.value_slice import value_slice
+from hj_cosim.analysis.run_folder import CONFIG, Run, read_config, read_run
+from hj_cosim.config import Scenario, validate
+from hj_cosim.errors import OutputError, RunFolderError
+from hj_cosim.reachability.value_table import ValueTable, load_table
+from hj_cosim.traffic.network import read_road
+from hj_cosim.traffic.placement import density
+from hj_cosim.traffic.scenarios import network_path
+
+Source = Literal["run", "study", "table"]
+DEFAULT_TABLE = "highway"
+
+
+@dataclass(frozen=True)
+class FigureKind:
+    """A figure that can be asked for by name."""
+
+    source: Source  # what it is drawn from
+    description: str
+    draw: Callable[..., Drawing]  # of (run), (run, table), (folder of a study), or (table)
+    needs_table: bool = False  # a run's figure that looks values up
+
+
+def _trade_off_of(folder: Path) -> Drawing:
+    return trade_off(_study_table(folder / "windows.parquet"))
+
+
+def _density_sweep_of(folder: Path) -> Drawing:
+    return density_sweep(_study_table(folder / "table.csv"), scenario_densities(folder))
+
+
+FIGURES: Mapping[str, FigureKind] = {
+    "schematic": FigureKind("table", "the robot among cars, on the value function", schematic),
+    "boxed-in": FigureKind("table", "the robot boxed in by four cars", boxed_in),
+    "value-slice": FigureKind("table", "the paper's slice of the value function", value_slice),
+    "planner-comparison": FigureKind("table", "plans of OP and HJOP, and the next two steps", planner_comparison),
+    "highway": FigureKind("run", "a moment from above, cars in the colours of their values", highway, True),
+    "snapshots": FigureKind("run", "the drive from above at evenly spaced times", snapshots),
+    "timeline": FigureKind("run", "speed, value, TTC, lane and interventions over time", timeline),
+    "value-along-drive": FigureKind("run", "the values and places of the cars over time", value_along_drive, True),
+    "control-sets": FigureKind(
+        "run", "safe controls of SPC and RSS, MI and SW", control_sets_figure.control_sets, True
+    ),
+    "trade-off": FigureKind("study", "1st percentile TTC over mean speed, with ellipses", _trade_off_of),
+    "density-sweep": FigureKind("study", "speed, safety and interventions over the density", _density_sweep_of),
+}
+
+
+def draw_figure(
+    name: str, *, run: Path | None = None, study: Path | None = None, table: ValueTable | None = None
+) -> Drawing:
+    """Draw a figure by its name.
+
+    Args:
+        name: one of FIGURES.
+        run: a run's folder, for figures of a run.
+        study: a study's folder, for figures of a study.
+        table: V; unless given, the run's table, or `highway`, which is solved first if it has not been.
+
+    Returns:
+        The picture and its data; `style.save_drawing` writes both.
+
+    Raises:
+        OutputError: if there is no such figure, or the folder that it needs is not given.
+        RunFolderError: if the folder does not hold what the figure needs.
+        TableError: if the table cannot be had.
+    """
+    if name not in FIGURES:
+        raise OutputError(f"no figure is called {name!r}; choose one of {', '.join(FIGURES)}")
+    kind = FIGURES[name]
+    if kind.source == "table":
+        return kind.draw(table or load_table(DEFAULT_TABLE))
+    if kind.source == "study":
+        if study is None:
+            raise OutputError(f"figure {name} is drawn from a study; give its folder with --study")
+        return kind.draw(study)
+    if run is None:
+        raise OutputError(f"figure {name} is drawn from a run; give its folder with --run")
+    read = read_run(run)
+    return kind.draw(read, table or table_of(read)) if kind.needs_table else kind.draw(read)
+
+
+def table_of(run: Run) -> ValueTable:
+    """Return the value table that a run was driven with, solved first if it is not there.
+
+    Raises:
+        TableError, ConfigurationError: if it cannot be had.
+    """
+    return load_table(str(run.config["table"]))
+
+
+def scenario_densities(study: Path) -> dict[str, float]:
+    """Return the density (cars per km and lane) of every scenario in a study, from its episodes' configurations."""
+    densities: dict[str, float] = {}
+    for path in sorted(study.glob(f"episodes/**/{CONFIG}")):
+        scenario = validate(Scenario, read_config(path.parent)["scenario"], str(path))
+        if scenario.name not in densities:
+            road = read_road(network_path(scenario.network), scenario.network.edge)
+            densities[scenario.name] = density(scenario.traffic, road.lane_count)
+    return densities
+
+
+def _study_table(path: Path) -> pd.DataFrame:
+    try:
+        return (
+            pd.read_csv(path, keep_default_na=False, na_values=[""]) if path.suffix == ".csv" else pd.read_parquet(path)
+        )
+    except (OSError, ValueError) as error:
+        raise RunFolderError(f"{path.parent} holds no complete study: {path.name}: {error}") from error

@@ -1,0 +1,65 @@
+"""One moment of a run from above, each car in the colour of its value."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from hj_cosim.analysis.figures import style
+from hj_cosim.analysis.figures.road_view import draw_cars, draw_scene, scene_rows
+from hj_cosim.analysis.figures.value_plot import value_colours, value_scale
+from hj_cosim.analysis.run_folder import Run
+from hj_cosim.analysis.values import car_values
+from hj_cosim.reachability.value_table import ValueTable
+
+BEHIND, AHEAD = 60.0, 120.0  # m
+
+
+def sample_at(run: Run, time: float | None) -> int:
+    """Return the sample nearest to a time (s), or the one with the least value if no time is given."""
+    if time is None:
+        return int(np.argmin(run.record.robot.value))
+    return int(np.argmin(np.abs(run.record.time - time)))
+
+
+def highway(run: Run, table: ValueTable, time: float | None = None) -> style.Drawing:
+    """Return a snapshot of a run, at the moment of the least value unless a time (s) is given."""
+    record = run.record
+    sample = sample_at(run, time)
+    values = car_values(record, table)[sample]
+    traffic = record.traffic
+    with style.house_style():
+        figure = Figure(figsize=(style.PAGE_WIDTH, 1.7), layout="constrained")
+        axes = figure.subplots()
+        seen = draw_scene(axes, record, sample, BEHIND, AHEAD)
+        draw_cars(
+            axes,
+            traffic.x[sample, seen],
+            traffic.y[sample, seen],
+            traffic.heading[sample, seen],
+            traffic.length[seen],
+            traffic.width[seen],
+            colours=value_colours(values[seen]),
+            zorder=4.0,
+        )
+        for car in seen[np.abs(values[seen]) < 100.0]:
+            axes.annotate(
+                f"{values[car]:.0f}",
+                (traffic.x[sample, car], traffic.y[sample, car] + 0.5 * traffic.width[car]),
+                fontsize=6,
+                ha="center",
+                va="bottom",
+                annotation_clip=True,
+            )
+        origin = record.robot.x[sample]
+        marks = np.arange(-BEHIND, AHEAD + 1.0, 20.0)
+        axes.set_xticks(origin + marks, [f"{mark:.0f}" for mark in marks])
+        axes.set_xlabel("distance from the robot along the road (m)")
+        axes.set_title(
+            f"t = {record.time[sample]:.1f} s, v = {record.robot.speed[sample]:.1f} m/s; the robot is the marked car,"
+            " the numbers are V (m)",
+            fontsize=8,
+        )
+        figure.colorbar(value_scale(), ax=axes, label="V (m)", extend="both", ticks=[-15, 0, 15], pad=0.01)
+    data = pd.DataFrame(scene_rows(record, sample, seen))
+    data["value"] = [np.nan, *values[seen]]
+    return style.Drawing(figure, data)

@@ -1,0 +1,59 @@
+"""Values of the cars around the robot, looked up again from what a run recorded."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from hj_cosim.analysis.record import RunRecord
+from hj_cosim.reachability.lookup import TableArrays, value_at
+from hj_cosim.reachability.value_table import ValueTable
+
+
+def car_values(record: RunRecord, table: ValueTable) -> np.ndarray:
+    """Return V of every car at every sample, (T, J) float32, m; +inf where a car is outside the grid or absent."""
+    robot, traffic = record.robot, record.traffic
+    states = np.column_stack([robot.x, robot.y, robot.heading, robot.speed])
+    return _car_values(table.arrays, states, traffic.present, traffic.x, traffic.y, traffic.speed)
+
+
+@njit(cache=True)
+def _car_values(
+    table: TableArrays, robot: np.ndarray, present: np.ndarray, x: np.ndarray, y: np.ndarray, speed: np.ndarray
+) -> np.ndarray:
+    samples, cars = x.shape
+    values = np.full((samples, cars), math.inf, np.float32)
+    for t in range(samples):
+        for j in range(cars):
+            if present[t, j]:
+                p_x, p_y = robot[t, 0] - x[t, j], robot[t, 1] - y[t, j]
+                values[t, j] = value_at(table, p_x, p_y, robot[t, 2], robot[t, 3], speed[t, j])
+    return values
+
+
+def value_field(
+    table: ValueTable,
+    along: np.ndarray,
+    aside: np.ndarray,
+    heading: float,
+    robot_speed: float,
+    x: np.ndarray,
+    y: np.ndarray,
+    speed: np.ndarray,
+) -> np.ndarray:
+    """Return the least V over given cars if the robot were elsewhere, (len(aside), len(along)), m.
+
+    Args:
+        table: V.
+        along, aside: positions of the robot, m, as axes of the field.
+        heading, robot_speed: of the robot, rad and m/s.
+        x, y, speed: (J,) of the cars, m and m/s.
+    """
+    px, py = np.meshgrid(along, aside)
+    states = np.empty((px.size, 5))
+    states[:, 2], states[:, 3] = heading, robot_speed
+    field = np.full(px.size, np.inf)
+    for car in range(len(x)):
+        states[:, 0], states[:, 1], states[:, 4] = px.ravel() - x[car], py.ravel() - y[car], speed[car]
+        field = np.minimum(field, table.value(states))
+    return field.reshape(px.shape)

@@ -1,0 +1,162 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from hj_cosim.analysis.figures.control_sets import control_sets
+from hj_cosim.analysis.figures.density_sweep import density_sweep
+from hj_cosim.analysis.figures.gallery import FIGURES, draw_figure
+from hj_cosim.analysis.figures.highway import highway
+from hj_cosim.analysis.figures.planner_comparison import planner_comparison
+from hj_cosim.analysis.figures.schematic import BOXED_IN, boxed_in
+from hj_cosim.analysis.figures.snapshots import SNAPSHOTS, snapshots
+from hj_cosim.analysis.figures.style import save_drawing
+from hj_cosim.analysis.figures.timeline import timeline
+from hj_cosim.analysis.figures.trade_off import trade_off
+from hj_cosim.analysis.figures.value_along_drive import value_along_drive
+from hj_cosim.analysis.figures.value_slice import value_slice
+from hj_cosim.analysis.run_folder import Run
+from hj_cosim.config import PlannerSettings
+from hj_cosim.errors import HjCosimError, OutputError
+
+STACKS = [("hjop", "spc", "mi"), ("op", "rss", "sw"), ("op", "none", "-")]
+
+
+@pytest.fixture
+def run(record, config, tmp_path) -> Run:
+    return Run(tmp_path, config.model_dump(mode="json"), {}, record)
+
+
+def test_the_timeline_holds_the_record(run):
+    data = timeline(run).data
+    np.testing.assert_array_equal(data.speed, run.record.robot.speed)
+    np.testing.assert_array_equal(data.ttc, run.record.threats.ttc)
+    np.testing.assert_array_equal(data.lane_position * 4.0, run.record.robot.y)
+
+
+def test_the_snapshots_span_the_drive_and_show_only_cars_in_view(run):
+    data = snapshots(run).data
+    assert data.time.nunique() == SNAPSHOTS
+    assert (data.time.min(), data.time.max()) == (0.0, run.record.time[-1])
+    robot = data[data.vehicle == "robot"].set_index("time").x
+    assert (np.abs(data.x - data.time.map(robot)) < 115.0).all()
+
+
+def test_the_highway_shows_the_moment_of_the_least_value(run, table):
+    data = highway(run, table).data
+    least = run.record.robot.value.argmin()
+    assert set(data.time) == {run.record.time[least]}
+    cars = data[data.vehicle != "robot"]
+    robot = data[data.vehicle == "robot"].iloc[0]
+    states = np.column_stack(
+        [
+            robot.x - cars.x,
+            robot.y - cars.y,
+            np.full(len(cars), robot.heading),
+            np.full(len(cars), robot.speed),
+            cars.speed,
+        ]
+    )
+    np.testing.assert_allclose(cars.value, table.value(states), rtol=1e-5)
+
+
+def test_the_slice_is_the_table_s_value(table):
+    data = value_slice(table).data.sample(50, random_state=1)
+    states = np.column_stack([data.p_x, data.p_y, np.zeros(50), np.full(50, 10.0), np.full(50, 20.0)])
+    np.testing.assert_allclose(data.value, table.value(states))
+
+
+def test_the_boxed_in_robot_is_where_the_field_is_its_own_value(table):
+    data = boxed_in(table).data
+    field = data[data.vehicle == ""]
+    here = field[(field.x.abs() < 1e-9) & ((field.y - BOXED_IN.robot[1]).abs() < 1e-9)]
+    assert here.value.iloc[0] == pytest.approx(BOXED_IN.values(table).min())
+
+
+def test_values_along_the_drive_are_the_nearby_cars(run, table):
+    data = value_along_drive(run, table).data
+    assert (data.p_x.abs() <= 80.0).all()
+    assert np.isfinite(data.value).all()
+    assert set(data.vehicle) <= set(run.record.traffic.names)
+
+
+def test_plans_of_both_planners_start_where_the_last_step_led(table):
+    data = planner_comparison(table, PlannerSettings(expansions=40)).data
+    assert set(data.planner) == {"OP", "HJOP"}
+    for _, rows in data.groupby("planner"):
+        now, ahead = rows[rows.ahead == 0].set_index("time"), rows[rows.ahead == 1].set_index("time")
+        np.testing.assert_allclose(now.x.iloc[1:], ahead.x.iloc[:-1])
+
+
+def test_chosen_controls_meet_their_half_planes_up_to_the_slack(run, table):
+    data = control_sets(run, table).data
+    assert set(data["filter"]) == {"spc", "rss"}
+    rows = data.dropna(subset=["p"]) if "p" in data else data.iloc[:0]
+    margin = rows.p * rows.omega + rows.q * rows.acceleration + rows.c + rows.slack
+    assert len(rows) > 0
+    assert (margin > -1e-4).all()
+
+
+def test_the_trade_off_has_every_stack_and_an_ellipse_for_each():
+    draw = np.random.default_rng(0)
+    windows = pd.DataFrame(
+        {
+            "planner": p,
+            "filter": f,
+            "scheme": s,
+            "mean_speed": draw.normal(22, 1),
+            "ttc_p1": draw.choice([5.0, math.inf]),
+        }
+        for p, f, s in STACKS
+        for _ in range(20)
+    )
+    drawing = trade_off(windows)
+    axes = drawing.figure.axes[0]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "HJOP + SPC + MI",
+        "OP + RSS + SW",
+        "OP + None",
+    ]
+    assert len(axes.patches) == len(STACKS)
+    assert drawing.data.ttc_p1.max() == 30.0
+
+
+def test_the_density_sweep_goes_from_light_to_dense():
+    metrics = ("mean_speed", "ttc_ge_3", "intervention_percent", "mean_abs_acceleration")
+    table = pd.DataFrame(
+        {"scenario": scenario, "planner": p, "filter": f, "scheme": s}
+        | {f"{metric}{end}": 1.0 for metric in metrics for end in ("", "_lo", "_hi")}
+        for scenario in ("paper", "light")
+        for p, f, s in STACKS
+    )
+    data = density_sweep(table, {"light": 6.0, "paper": 13.0}).data
+    assert data.scenario.tolist() == ["light"] * 3 + ["paper"] * 3
+
+
+def test_a_drawing_is_saved_as_raster_vector_and_table_the_same_bytes_each_time(run, tmp_path):
+    paths = save_drawing(timeline(run), tmp_path / "figures" / "timeline")
+    again = save_drawing(timeline(run), tmp_path / "again" / "timeline")
+
+    assert [path.suffix for path in paths] == [".png", ".pdf", ".csv"]
+    with Image.open(paths[0]) as image:
+        assert min(image.size) > 500
+    assert paths[1].read_bytes().startswith(b"%PDF")
+    assert len(pd.read_csv(paths[2])) == len(run.record.time)
+    assert [path.read_bytes() for path in paths] == [path.read_bytes() for path in again]
+
+
+def test_what_cannot_be_drawn_is_named(run, tmp_path, table):
+    with pytest.raises(OutputError, match="no figure is called 'pie'; choose one of schematic"):
+        draw_figure("pie")
+    with pytest.raises(OutputError, match="--run"):
+        draw_figure("timeline")
+    with pytest.raises(OutputError, match="--study"):
+        draw_figure("trade-off")
+    with pytest.raises(HjCosimError, match="holds no complete study"):
+        draw_figure("trade-off", study=Path(tmp_path))
+    with pytest.raises(OutputError, match=r"ends in \.png"):
+        save_drawing(timeline(run), tmp_path / "timeline.bmp")
+    assert set(FIGURES) >= {"schematic", "boxed-in", "highway", "value-slice", "trade-off", "planner-comparison"}
