@@ -19,7 +19,7 @@ from hj_cosim.reachability.lookup import TableArrays
 from hj_cosim.reachability.solver import Progress, SolveReport, solve, state_limits
 
 # Part of every specification's hash: raised when the solver changes what it computes, so that tables are re-solved.
-_SOLVER_VERSION = 1
+_SOLVER_VERSION = 2
 
 
 @dataclass(frozen=True)
