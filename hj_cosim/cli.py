@@ -6,11 +6,11 @@ The library is imported inside the commands, so that `--help` and mistakes are a
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
-from hj_cosim.console import bar, messages, plain_table, print_json, progress_bars, results, summary_table
+from hj_cosim.console import bar, messages, plain_table, print_json, progress_bars, results, show_study, summary_table
 from hj_cosim.errors import ConfigurationError, HjCosimError
 
 
@@ -74,6 +74,51 @@ def run(
     else:
         results.print(summary_table(episode.summary))
         results.print(f"Everything is in [bold]{folder}[/bold]")
+
+
+@app.command(epilog=_example("hj-cosim study --episodes 20", "hj-cosim study --vary planner.gamma_r=0.8,0.9,1.0"))
+def study(
+    scenario: Annotated[str, typer.Argument(help="Names or paths as for run, separated by commas.")] = "paper",
+    scenario_list: Annotated[str | None, typer.Option("--scenario", help="The same as an option.")] = None,
+    episodes: Annotated[int, typer.Option(help="Episodes a row of the table.")] = 20,
+    seed: Annotated[int, typer.Option(help="The first of as many consecutive seeds, the same for every row.")] = 0,
+    preset: Annotated[str, typer.Option(help="best or paper.")] = "best",
+    stack: Annotated[list[str] | None, typer.Option(help="Rows, for example hjop-spc-mi; the paper's ten.")] = None,
+    vary: Annotated[list[str] | None, typer.Option(metavar="KEY=V,V", help="Sweep a knob; repeatable.")] = None,
+    assignments: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any knob.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes; as many as there are cores.")] = None,
+    scheduler: Annotated[str | None, typer.Option(help="A Dask scheduler, tcp://HOST:PORT.")] = None,
+    keep: Annotated[Literal["all", "robot"], typer.Option(help="robot: no trajectories of cars.")] = "all",
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the study in --out.")] = False,
+    out: Annotated[Path | None, typer.Option(help="The study's folder; a new one in runs/ by default.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Drive many episodes of many stacks on the same seeds, and tabulate them beside the paper's numbers."""
+    from hj_cosim.study.stacks import PAPER_STACKS, parse_stack
+    from hj_cosim.study.study import run_study
+
+    with progress_bars() as bars:
+        done = run_study(
+            (scenario_list or scenario).split(","),
+            episodes=episodes,
+            seed=seed,
+            preset=preset,
+            stacks=[parse_stack(name) for name in stack] if stack else PAPER_STACKS,
+            vary=vary or (),
+            assignments=assignments or (),
+            workers=workers,
+            scheduler=scheduler,
+            keep=keep,
+            resume=resume,
+            folder=out,
+            progress=bar(bars, "driving episodes"),
+            solving=bar(bars, "solving tables"),
+        )
+    if as_json:
+        failures = [asdict(failure) for failure in done.failures]
+        print_json({"folder": str(done.folder), "rows": done.table.to_dict("records"), "failures": failures})
+    else:
+        show_study(done)
 
 
 @app.command(epilog=_example("hj-cosim scenarios", "hj-cosim scenarios --template > mine.toml"))

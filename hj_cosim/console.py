@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
@@ -30,6 +31,7 @@ _SUMMARY_ROWS = (
     ("mean_abs_acceleration", "mean |a|", "m/s²", ".3f"),
     ("intervention_percent", "filter intervened", "%", ".1f"),
     ("promise_kept_percent", "filter kept its promise", "%", ".2f"),
+    ("promise_samples", "samples with a promise", "", "d"),
     ("wall_seconds", "wall time", "s", ".2f"),
     ("real_time_factor", "faster than real time", "x", ".1f"),
 )
@@ -97,3 +99,50 @@ def plain_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[obje
     for row in rows:
         table.add_row(*(f"{cell:g}" if isinstance(cell, float) else str(cell) for cell in row))
     return table
+
+
+# The columns of the paper's table: key, heading, format.
+_STUDY_COLUMNS = (
+    ("ttc_ge_3", "TTC>=3", ".3f"),
+    ("ttc_p10", "TTC p10", ".1f"),
+    ("btn_le_1", "BTN<=1", ".3f"),
+    ("stn_le_1", "STN<=1", ".3f"),
+    ("mean_speed", "m/s", ".2f"),
+    ("mean_abs_acceleration", "|a|", ".2f"),
+    ("intervention_percent", "interv.", ".1f"),
+)
+_WIDE = 110  # columns of a terminal in which the intervals have room
+
+
+def show_study(study: Any) -> None:
+    """Print a study's table: ours, its 95 % interval where the terminal is wide enough, and the paper's number.
+
+    Args:
+        study: a `study.study.Study`.
+    """
+    wide = results.width >= _WIDE
+    factors = list(study.table.columns[: study.table.columns.get_loc("episodes")])
+    paper = {tuple(row[name] for name in factors): row for row in study.comparison.to_dict("records")}
+    legend = "ours, its 95 % interval over episodes, the paper's" if wide else "ours, and the paper's below"
+    table = Table(title=legend, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("scenario and stack", overflow="fold")
+    for heading in [*(heading for _, heading, _ in _STUDY_COLUMNS), "crashed"]:
+        table.add_column(heading, justify="right")
+    for row in study.table.to_dict("records"):
+        row_factors = tuple(row[name] for name in factors)
+        cells = [_study_cell(row, paper.get(row_factors), key, form, wide) for key, _, form in _STUDY_COLUMNS]
+        crashed = f"{row['collision_episodes']:.0f} of {row['episodes']}"
+        table.add_row(" ".join(map(str, row_factors)), *cells, crashed)
+    results.print(table)
+    for failure in study.failures:
+        messages.print(f"missing: {failure.stack}, seed {failure.seed}: {failure.reason} (log: {failure.log})")
+    results.print(f"Everything is in [bold]{study.folder}[/bold]")
+
+
+def _study_cell(ours: Mapping[str, Any], paper: Mapping[str, Any] | None, key: str, form: str, wide: bool) -> str:
+    lines = [f"{ours[key]:{form}}"]
+    if wide:
+        lines.append(f"{ours[f'{key}_lo']:{form}}–{ours[f'{key}_hi']:{form}}")
+    if paper is not None:
+        lines.append(f"[dim]{paper[f'{key}_paper']:{form}}[/dim]")
+    return "\n".join(lines)

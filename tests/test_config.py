@@ -80,5 +80,5 @@ def test_file_that_is_not_toml_is_refused_with_its_place(tmp_path):
     path.write_bytes(b"\xff\xfe")
     with pytest.raises(ConfigurationError, match="is not TOML"):
         read_toml(path)
-    with pytest.raises(ConfigurationError, match="cannot read .*No such file"):
+    with pytest.raises(ConfigurationError, match=r"cannot read .*No such file"):
         read_toml(tmp_path / "absent.toml")

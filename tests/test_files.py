@@ -43,7 +43,7 @@ def test_file_is_as_readable_as_any_other(tmp_path):
 def test_place_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with (
-        pytest.raises(HjCosimError, match="cannot write .*numbers.txt: .*; choose another place"),
+        pytest.raises(HjCosimError, match=r"cannot write .*numbers\.txt: .*; choose another place"),
         whole_file(tmp_path / "file" / "numbers.txt"),
     ):
         pass

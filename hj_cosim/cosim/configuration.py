@@ -54,7 +54,7 @@ def stack_flags(
     seed: int | None = None,
 ) -> dict[str, Any]:
     """Return the command line's options that were given (not None) as nested configuration."""
-    nested = {
+    nested: dict[str, dict[str, Any]] = {
         "planner": {"kind": planner},
         "filter": {"kind": filter, "scheme": scheme},
         "simulation": {"duration": duration},

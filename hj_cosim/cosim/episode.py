@@ -15,10 +15,11 @@ from hj_cosim.config import EpisodeConfig
 from hj_cosim.control.safety_filter import SafetyFilter, make_filter
 from hj_cosim.control.tracking import tracking_control
 from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
+from hj_cosim.cosim.promise_audit import PromiseAudit
 from hj_cosim.cosim.recorder import Recorder
-from hj_cosim.planning.planner import Planner
 from hj_cosim.locations import runs_folder
 from hj_cosim.planning.optimistic import make_planner
+from hj_cosim.planning.planner import Planner
 from hj_cosim.reachability.value_table import ValueTable, load_table
 from hj_cosim.traffic.sumo_world import SumoWorld
 from hj_cosim.traffic.world import World
@@ -42,6 +43,7 @@ def drive(
     planner: Planner,
     safety_filter: SafetyFilter,
     config: EpisodeConfig,
+    audit: PromiseAudit | None = None,
     progress: Progress | None = None,
 ) -> RunRecord:
     """Drive one episode in a world that has settled, and return what happened.
@@ -54,6 +56,7 @@ def drive(
         planner: asked every `simulation.plan_period`.
         safety_filter: asked every step.
         config: clocks, the robot and the tracking controller.
+        audit: told of every step, if there is one; for filters that promise something about V.
         progress: called with the samples driven and the samples in all, once a plan.
     """
     simulation, robot = config.simulation, config.robot
@@ -80,7 +83,9 @@ def drive(
                 observation.robot, steering, acceleration, robot.wheelbase, robot.speed_max, simulation.step
             )
             world.step(state, acceleration)
-            observation = world.observe()
+            before, observation = observation, world.observe()
+            if audit is not None:
+                audit.judge(filtered, before, observation)
     if progress is not None:
         progress(samples, samples)
     return recorder.finish(world.road, robot)
@@ -116,9 +121,9 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
         world.settle(config.simulation.settle_time)
         planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, table)
         safety_filter = make_filter(config.filter, config.robot, table, config.simulation.step)
-        record = drive(world, planner, safety_filter, config, progress)
-    wall_seconds = time.perf_counter() - started
-    return Episode(config, record, summarize(record, config, wall_seconds))
+        audit = PromiseAudit(table.arrays, promises=config.filter.kind == "spc")
+        record = drive(world, planner, safety_filter, config, audit, progress)
+    return Episode(config, record, summarize(record, config, time.perf_counter() - started) | audit.summary())
 
 
 def new_run_folder(config: EpisodeConfig) -> Path:
