@@ -1,0 +1,56 @@
+"""Value tables that need no solve: V(0, ·) on a coarse grid, and a linear V, which interpolation represents exactly."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from hj_cosim.config import GridSettings, TableSpecification
+from hj_cosim.reachability.dynamics import find_dynamics
+from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.vehicles.observation import Observation
+
+SPECIFICATION = TableSpecification(
+    dynamics="highway",
+    grid=GridSettings(
+        lower=(-100.0, -8.0, -0.4, 0.0, 0.0), upper=(100.0, 8.0, 0.4, 40.0, 40.0), shape=(41, 17, 9, 9, 9)
+    ),
+)
+
+
+def table_of(value: Callable[[np.ndarray], np.ndarray]) -> ValueTable:
+    """Return a table of V as a function of states (N, 5)."""
+    dynamics = find_dynamics("highway")
+    empty = ValueTable(SPECIFICATION, dynamics, np.empty(0, np.float32), report=None)
+    nodes = np.stack(np.meshgrid(*empty.grid.axes, indexing="ij"), axis=-1).reshape(-1, 5)
+    values = value(nodes).astype(np.float32).reshape(empty.grid.shape)
+    return ValueTable(SPECIFICATION, dynamics, values, report=None)
+
+
+@pytest.fixture(scope="session")
+def table() -> ValueTable:
+    dynamics = find_dynamics("highway")
+    parameters = dynamics.parameter_values({}, "the test")
+    return table_of(lambda states: dynamics.target_values(states, parameters))
+
+
+@pytest.fixture(scope="session")
+def linear_table() -> ValueTable:
+    """V = −p_x − 2 v_r + v_o − 20: the robot behind another car, safe when far or slow."""
+    return table_of(lambda states: states @ np.array([-1.0, 0.0, 0.0, -2.0, 1.0]) - 20.0)
+
+
+@pytest.fixture(scope="session")
+def observe() -> Callable[..., Observation]:
+    """How to observe a robot among cars given as rows (x, y, heading, speed), numbered from 0."""
+    return _observe
+
+
+def _observe(robot, cars, time=0.0) -> Observation:
+    cars = np.array(cars, float).reshape(-1, 4)
+    count, lanes = len(cars), np.round(cars[:, 1] / 4.0).astype(int)
+    return Observation(
+        time=time, robot=np.array(robot, float), robot_acceleration=0.0, vehicle=np.arange(count), x=cars[:, 0],
+        y=cars[:, 1], heading=cars[:, 2], speed=cars[:, 3], acceleration=np.zeros(count), lane=lanes,
+        target_lane=lanes, length=np.full(count, 5.0), width=np.full(count, 2.0),
+    )  # fmt: skip
