@@ -40,6 +40,7 @@ ONLY_REQUESTED_IF_SAFE = 256
 KEEP_EXACT_POSITION = 2
 
 DECISION_PERIOD = 1.0  # s between two lane-change decisions of a car (SPEC section 4)
+DECISION_TURNS = 10  # a tenth of the cars decides every tenth of the period
 # Nearer than this to a lane's centre line (m), a car is not between lanes; a step of a change moves it 0.03 m.
 ON_CENTRE_LINE = 1e-3
 
@@ -125,9 +126,9 @@ class SumoWorld:
         count = len(self.vehicle_names)
         self._time = 0.0
         self._steps = 0
-        self._decision_steps = max(round(DECISION_PERIOD / self._step), 1)
-        turns = np.random.default_rng([seed, 2]).permutation(count)
-        self._turn = np.append(turns * self._decision_steps // max(count, 1), -1)  # the robot decides elsewhere
+        self._turn_steps = max(round(DECISION_PERIOD / DECISION_TURNS / self._step), 1)
+        turns = np.random.default_rng([seed, 2]).permutation(count) % DECISION_TURNS
+        self._turn = np.append(turns, -1)  # the robot decides elsewhere
         self._names = list(self.vehicle_names)
         self._number = np.arange(count)
         self._x = np.append(initial.x, initial.robot[0])
@@ -139,6 +140,7 @@ class SumoWorld:
         self._target_lane = self._lane.copy()
         self._second_lane = self._lane.copy()
         self._length = np.append(np.full(count, CAR_LENGTH), self._robot_body.length)
+        self._front_offset = 0.5 * self._length  # SUMO's positions are of front bumpers
         self._width = np.append(np.full(count, CAR_WIDTH), self._robot_body.width)
         self._all_drivers = np.vstack([self.drivers, self._robot_driver])
         self._order = np.argsort(self._x, kind="stable")
@@ -194,10 +196,11 @@ class SumoWorld:
             raise SimulationError(f"SUMO failed at {self._time:.2f} s: {error}") from error
 
     def _request_lane_changes(self) -> None:
-        deciding = self._turn == self._steps % self._decision_steps
-        deciding[self._changing] = False
-        if not deciding.any():
+        turn, steps_into_turn = divmod(self._steps, self._turn_steps)
+        if steps_into_turn:
             return
+        deciding = self._turn == turn % DECISION_TURNS
+        deciding[self._changing] = False
         wanted = wanted_lanes(
             self._order,
             deciding,
@@ -251,17 +254,20 @@ class SumoWorld:
     def _read_cars(self, robot_state: np.ndarray, robot_acceleration: float) -> None:
         if libsumo.simulation.getArrivedNumber():
             self._forget(set(libsumo.simulation.getArrivedIDList()))
-        count = len(self._names)
-        speed, x = np.empty(count + 1), np.empty(count + 1)
-        speed[:count] = np.fromiter(map(libsumo.vehicle.getSpeed, self._names), float, count)
-        x[:count] = np.fromiter(map(libsumo.vehicle.getLanePosition, self._names), float, count)
-        x[:count] -= 0.5 * self._length[:count]
+        x = np.empty(len(self._x))
+        x[:-1] = np.fromiter(map(libsumo.vehicle.getLanePosition, self._names), float, len(self._names))
+        x -= self._front_offset
+        x[-1] = robot_state[0]
+        # SUMO moves a car by its new speed times the step, so its way is its speed: one getter a car, not two.
+        speed = (x - self._x) / self._step
+        speed[-1] = robot_state[3]
         self._acceleration = (speed - self._speed) / self._step
-        self._speed, self._x = speed, x
-        self._changing = [car for car in self._changing if self._read_changing(car)]
-        self._robot = robot_state
-        self._x[-1], self._y[-1], self._heading[-1], self._speed[-1] = robot_state
         self._acceleration[-1] = robot_acceleration
+        self._x, self._speed = x, speed
+        self._robot = robot_state
+        self._y[-1], self._heading[-1] = robot_state[1], robot_state[2]
+        if self._changing:
+            self._changing = [car for car in self._changing if self._read_changing(car)]
 
     def _read_changing(self, car: int) -> bool:
         """Read where a car is that was told to change lanes; return whether it is between lanes: not done or refused.
@@ -300,7 +306,7 @@ class SumoWorld:
         self._number = self._number[stays[:-1]]
         self._order = renumbered[self._order[stays[self._order]]]
         for name in ("_turn", "_x", "_y", "_heading", "_speed", "_acceleration", "_lane", "_target_lane",
-                     "_second_lane", "_length", "_width", "_all_drivers"):  # fmt: skip
+                     "_second_lane", "_length", "_front_offset", "_width", "_all_drivers"):  # fmt: skip
             setattr(self, name, getattr(self, name)[stays])
 
     def _first_warning(self) -> str:
