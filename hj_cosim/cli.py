@@ -12,6 +12,7 @@ import typer
 
 from hj_cosim.console import bar, messages, plain_table, print_json, progress_bars, results, show_study, summary_table
 from hj_cosim.errors import ConfigurationError, HjCosimError
+from hj_cosim.locations import runs_folder
 
 
 def _example(*lines: str) -> str:
@@ -140,11 +141,43 @@ def export(
     """Write a run's trajectories in another format."""
     from hj_cosim.analysis.export import export_run
 
-    written = export_run(folder, format, out)
+    _print_files([export_run(folder, format, out)], as_json)
+
+
+@app.command(epilog=_example("hj-cosim figure value-slice", "hj-cosim figure highway --run runs/paper-hjop-spc-mi-0"))
+def figure(
+    name: Annotated[str | None, typer.Argument(help="Which; without one, all are listed.")] = None,
+    run: Annotated[Path | None, typer.Option(metavar="DIR", help="The run to draw, for figures of a run.")] = None,
+    study: Annotated[Path | None, typer.Option(metavar="DIR", help="The study, for figures of a study.")] = None,
+    out: Annotated[Path | None, typer.Option(help="A .png, .pdf, .svg or .csv; all but .svg by default.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Draw a figure of the paper, or one beyond it, from our own data."""
+    from hj_cosim.analysis.figures.gallery import FIGURES, draw_figure
+    from hj_cosim.analysis.figures.style import save_drawing
+
+    if name is None:
+        rows = [{"name": key, "drawn_from": kind.source, "shows": kind.description} for key, kind in FIGURES.items()]
+        _print_rows("figures", rows, as_json)
+        return
+    folder = run or study
+    target = out or (folder / "figures" if folder else runs_folder() / "figures") / name
+    _print_files(save_drawing(draw_figure(name, run=run, study=study), target), as_json)
+
+
+def _print_rows(title: str, rows: list[dict[str, Any]], as_json: bool) -> None:
     if as_json:
-        print_json({"file": str(written), "bytes": written.stat().st_size})
+        print_json(rows)
     else:
-        results.print(f"wrote [bold]{written}[/bold] ({written.stat().st_size / 1e6:.1f} MB)")
+        results.print(plain_table(title, list(rows[0]), [list(row.values()) for row in rows]))
+
+
+def _print_files(paths: list[Path], as_json: bool) -> None:
+    if as_json:
+        print_json([{"file": str(path), "bytes": path.stat().st_size} for path in paths])
+    else:
+        for path in paths:
+            results.print(f"wrote [bold]{path}[/bold] ({path.stat().st_size / 1e6:.2f} MB)")
 
 
 @table_app.command("solve", epilog=_example("hj-cosim table solve highway --scheme first_order --out quick.npz"))
@@ -183,11 +216,7 @@ def table_list(as_json: Json = False) -> None:
     """List the specifications, and which of them are solved."""
     from hj_cosim.reachability.catalogue import table_overview
 
-    rows = [asdict(row) for row in table_overview()]
-    if as_json:
-        print_json(rows)
-    else:
-        results.print(plain_table("value tables", list(rows[0]), [list(row.values()) for row in rows]))
+    _print_rows("value tables", [asdict(row) for row in table_overview()], as_json)
 
 
 @table_app.command("show", epilog=_example("hj-cosim table show highway --out slices.png"))
@@ -197,6 +226,17 @@ def table_show(
     as_json: Json = False,
 ) -> None:
     """Print how a table was solved, and draw slices of it, the paper's among them."""
+    from hj_cosim.analysis.figures.style import save_drawing
+    from hj_cosim.analysis.figures.value_slice import value_slice
+    from hj_cosim.reachability.value_table import find_specification, load_table, table_path
+
+    path = find_specification(specification)
+    with progress_bars() as bars:
+        table = load_table(specification, bar(bars, f"solving table {path.stem}"))
+    _show_report(table, table_path(path), as_json)
+    written = save_drawing(value_slice(table), out or runs_folder() / "figures" / f"{path.stem}-slices")
+    if not as_json:
+        _print_files(written, as_json)
 
 
 def main() -> None:
