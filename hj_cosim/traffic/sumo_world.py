@@ -146,7 +146,8 @@ class SumoWorld:
         self._order = np.argsort(self._x, kind="stable")
         self._changing: list[int] = []
         self._robot = initial.robot.copy()
-        self._ghost_lane: int | None = None
+        self._has_ghost = self._has_new_ghost = False
+        self._lane_in_sumo: dict[str, int] = {}  # of the vehicles that we move
 
     def observe(self) -> Observation:
         """Return the robot and every background car on the road; see World.observe."""
@@ -189,6 +190,8 @@ class SumoWorld:
             self._request_lane_changes()
             self._place_robot(robot_state)
             libsumo.simulationStep()
+            if self._has_new_ghost:  # it has made no way yet, and would stand in its followers' eyes
+                libsumo.vehicle.setPreviousSpeed(GHOST, float(robot_state[3]))
             self._steps += 1
             self._time = self._steps * self._step
             self._read_cars(robot_state, robot_acceleration)
@@ -224,32 +227,36 @@ class SumoWorld:
         x, y, heading, _ = state.tolist()
         road, body = self.road, self._robot_body
         lane = road.lane_at(y)
-        along = x + 0.5 * body.length * math.cos(heading)
-        if lane != self._lane[-1]:
-            # Otherwise it goes on blocking the lane that it came from.
-            libsumo.vehicle.moveTo(ROBOT, f"{self._edge}_{lane}", along)
-        self._move(ROBOT, along, y + 0.5 * body.length * math.sin(heading), heading)
-
         offset = y - road.lane_centre(lane)
         neighbour = lane + (1 if offset > 0.0 else -1)
         straddles = abs(offset) + 0.5 * body.width > 0.5 * road.lane_width and 0 <= neighbour < road.lane_count
-        ghost_lane = neighbour if straddles else None
-        if ghost_lane != self._ghost_lane and self._ghost_lane is not None:
-            libsumo.vehicle.remove(GHOST)
-        if ghost_lane is not None:
-            if ghost_lane != self._ghost_lane:
+        along = x + 0.5 * body.length * math.cos(heading)
+        self._move(ROBOT, lane, along, y + 0.5 * body.length * math.sin(heading), heading)
+        self._lane[-1] = self._target_lane[-1] = lane
+        if straddles:
+            if not self._has_ghost:
                 libsumo.vehicle.add(GHOST, "road", ROBOT)
                 libsumo.vehicle.setLaneChangeMode(GHOST, NO_LANE_CHANGES)
                 libsumo.vehicle.setSpeedMode(GHOST, SPEED_IS_OURS)
-            self._move(GHOST, along, road.lane_centre(ghost_lane), 0.0)
-        self._ghost_lane = ghost_lane
-        self._lane[-1] = self._target_lane[-1] = lane
-        self._second_lane[-1] = lane if ghost_lane is None else ghost_lane
+            self._move(GHOST, neighbour, along, road.lane_centre(neighbour), 0.0)
+            self._second_lane[-1] = neighbour
+        elif self._has_ghost:
+            libsumo.vehicle.remove(GHOST)
+            del self._lane_in_sumo[GHOST]
+            self._second_lane[-1] = lane
+        self._has_new_ghost = straddles and not self._has_ghost
+        self._has_ghost = straddles
 
-    def _move(self, name: str, along: float, lateral: float, heading: float) -> None:
+    def _move(self, name: str, lane: int, along: float, lateral: float, heading: float) -> None:
         """Put the middle of a vehicle's front bumper at a place in the road frame."""
+        if self._lane_in_sumo.get(name, lane) != lane:
+            # Otherwise it goes on blocking the lane that it came from. It is set down where it is: SUMO takes a
+            # vehicle's speed from the way it makes in the step.
+            libsumo.vehicle.moveTo(name, f"{self._edge}_{lane}", libsumo.vehicle.getLanePosition(name))
+        self._lane_in_sumo[name] = lane
         x, y, direction = self.road.to_world(along, lateral, heading)
-        libsumo.vehicle.moveToXY(name, "", -1, x, y, 90.0 - math.degrees(direction), KEEP_EXACT_POSITION)
+        angle = 90.0 - math.degrees(direction)
+        libsumo.vehicle.moveToXY(name, self._edge, lane, x, y, angle, KEEP_EXACT_POSITION)
 
     def _read_cars(self, robot_state: np.ndarray, robot_acceleration: float) -> None:
         if libsumo.simulation.getArrivedNumber():
