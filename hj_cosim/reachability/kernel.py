@@ -36,30 +36,28 @@ def _seek(outer: int, nodes: np.ndarray, index: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def _fill_states(
-    coordinates: np.ndarray,
-    state_axis: np.ndarray,
-    nodes: np.ndarray,
-    index: np.ndarray,
-    first_line: int,
-    size: int,
-    states: np.ndarray,
-) -> None:
-    """Write the states of a slab's nodes, (n, size)."""
-    dimension = nodes.size
-    line = nodes[dimension - 1]
-    for axis in range(dimension - 2):
+def _fill_outer_states(coordinates: np.ndarray, state_axis: np.ndarray, index: np.ndarray, states: np.ndarray) -> None:
+    """Write the coordinates that a slab's nodes share; rows that hold them already are left alone."""
+    for axis in range(states.shape[0] - 2):
         coordinate = coordinates[axis, index[axis]]
         row = states[state_axis[axis]]
-        for i in range(size):
-            row[i] = coordinate
+        if row[0] != coordinate:
+            for i in range(row.shape[0]):
+                row[i] = coordinate
+
+
+@njit(cache=True)
+def _fill_inner_states(
+    coordinates: np.ndarray, state_axis: np.ndarray, line: int, first_line: int, size: int, states: np.ndarray
+) -> None:
+    """Write the coordinates along the two innermost axes for the slab that begins with `first_line`."""
+    dimension = states.shape[0]
     across, along = states[state_axis[dimension - 2]], states[state_axis[dimension - 1]]
-    along_nodes = coordinates[dimension - 1]
     for j in range(size // line):
         coordinate = coordinates[dimension - 2, first_line + j]
         for i in range(line):
             across[j * line + i] = coordinate
-            along[j * line + i] = along_nodes[i]
+            along[j * line + i] = coordinates[dimension - 1, i]
 
 
 @njit(cache=True, fastmath=FLOATING_POINT)
@@ -78,81 +76,82 @@ def _lead_away(face: np.ndarray, sign: int, differences: np.ndarray) -> None:
 
 @njit(cache=True)
 def _difference_by_stencil(
-    source: np.ndarray, here: int, size: int, entry: np.ndarray, mirror_shift: int, scale: float, out: np.ndarray
-) -> None:
-    """Write one difference across an axis for `size` nodes from `here` on, as `Layout.stencils` says."""
-    high = here + entry[0] + entry[1] * mirror_shift
-    low = here + entry[2] + entry[3] * mirror_shift
-    _subtract(source[high : high + size], source[low : low + size], scale, out[:size])
-    if entry[4] != 0:
-        face = low if entry[4] < 0 else high
-        _lead_away(source[face : face + size], entry[4], out[:size])
+    source: np.ndarray, here: int, stencils: np.ndarray, node: int, m: int, mirror_shift: int, scale: float,
+    out: np.ndarray,
+) -> None:  # fmt: skip
+    """Write one difference across an axis for the nodes from `here` on, as `Layout.stencils` says."""
+    size = out.shape[0]
+    high = here + stencils[node, m, 0] + stencils[node, m, 1] * mirror_shift
+    low = here + stencils[node, m, 2] + stencils[node, m, 3] * mirror_shift
+    sign = stencils[node, m, 4]
+    _subtract(source[high : high + size], source[low : low + size], scale, out)
+    if sign != 0:
+        face = low if sign < 0 else high
+        _lead_away(source[face : face + size], sign, out)
 
 
 @njit(cache=True)
 def _differences_between_lines(
-    source: np.ndarray, here: int, first_line: int, lines: int, line: int, stencils: np.ndarray, mirror_shift: int,
-    scale: float, differences: np.ndarray,
+    source: np.ndarray, here: int, first_line: int, line: int, count: int, stencils: np.ndarray, mirror_shift: int,
+    scale: float, m: int, out: np.ndarray,
 ) -> None:  # fmt: skip
-    """Write the differences between the lines of a slab: at once where no face is near, else line by line."""
-    count, rows = stencils.shape[0], stencils.shape[1]
-    for m in range(rows):
-        reach = m - rows // 2  # the lower of the two lines, as seen from the node
-        out = differences[m * PITCH : (m + 1) * PITCH]
-        begin = min(max(-reach - first_line, 0), lines)
-        end = max(min(count - 1 - reach - first_line, lines), begin)
-        low = here + (begin + reach) * line
-        size = (end - begin) * line
-        if size > 0:
-            _subtract(
-                source[low + line : low + line + size], source[low : low + size], scale, out[begin * line :][:size]
-            )
-        for j in range(lines):
-            if j < begin or j >= end:
-                entry = stencils[first_line + j, m]
-                _difference_by_stencil(source, here + j * line, line, entry, mirror_shift, scale, out[j * line :])
+    """Write the difference m between the lines of a slab: at once where no face is near, else line by line."""
+    lines = out.shape[0] // line
+    reach = m - stencils.shape[1] // 2  # the lower of the two lines, as seen from the node
+    begin = min(max(-reach - first_line, 0), lines)
+    end = max(min(count - 1 - reach - first_line, lines), begin)
+    low = here + (begin + reach) * line
+    size = (end - begin) * line
+    if size > 0:
+        inside = out[begin * line : end * line]
+        _subtract(source[low + line : low + line + size], source[low : low + size], scale, inside)
+    for j in range(lines):
+        if j < begin or j >= end:
+            row = out[j * line : (j + 1) * line]
+            _difference_by_stencil(source, here + j * line, stencils, first_line + j, m, mirror_shift, scale, row)
 
 
 @njit(cache=True)
 def _differences_along_lines(
-    source: np.ndarray, here: int, lines: int, line: int, rows: int, boundary: int, scale: float,
-    differences: np.ndarray,
-) -> None:  # fmt: skip
-    """Write the differences along the lines of a slab, then put the ends of the lines right."""
-    size = lines * line
-    for m in range(rows):
-        low = here + m - rows // 2
-        _subtract(source[low + 1 : low + 1 + size], source[low : low + size], scale, differences[m * PITCH :][:size])
-    for m in range(rows):
-        reach = m - rows // 2
-        out = differences[m * PITCH : (m + 1) * PITCH]
-        for j in range(lines):
-            row = source[here + j * line : here + (j + 1) * line]
-            for node in range(0, -reach):
-                out[j * line + node] = scale * _difference_beyond(row, node + reach, boundary)
-            for node in range(line - 1 - reach, line):
-                out[j * line + node] = scale * _difference_beyond(row, node + reach, boundary)
+    source: np.ndarray, here: int, line: int, reach: int, boundary: int, scale: float, out: np.ndarray
+) -> None:
+    """Write the difference between the nodes `reach` and `reach + 1` away along the lines of a slab.
+
+    All at once, across the ends of lines too, where it is put right afterwards.
+    """
+    size = out.shape[0]
+    low = here + reach
+    _subtract(source[low + 1 : low + 1 + size], source[low : low + size], scale, out)
+    if reach < 0:
+        for first in range(0, size, line):
+            for node in range(-reach):
+                out[first + node] = scale * _difference_below(source, here + first, line, node + reach, boundary)
+    for first in range(0, size, line):
+        for node in range(line - 1 - reach, line):
+            out[first + node] = scale * _difference_above(source, here + first, line, node + reach, boundary)
 
 
 @njit(cache=True)
-def _difference_beyond(row: np.ndarray, low: int, boundary: int) -> float:
-    """Return the difference between nodes `low` and `low + 1` of a line where one of them lies beyond its end."""
-    last = row.shape[0] - 1
+def _difference_below(source: np.ndarray, row: int, line: int, low: int, boundary: int) -> float:
+    """Return the difference between the nodes `low` < 0 and `low + 1` of the line that begins at `row`."""
     if boundary == PERIODIC:
-        return row[(low + 1) % (last + 1)] - row[low % (last + 1)]
-    slope = row[1] - row[0] if low < 0 else row[last] - row[last - 1]
+        return source[row + (low + 1 if low == -1 else low + 1 + line)] - source[row + low + line]
+    slope = source[row + 1] - source[row]
     if boundary == AWAY_FROM_ZERO:
-        slope = -np.sign(row[0]) * abs(slope) if low < 0 else np.sign(row[last]) * abs(slope)
+        return -np.sign(source[row]) * abs(slope)
     return slope
 
 
-@njit(cache=True, fastmath=FLOATING_POINT)
-def _take_in(centre: np.ndarray, right: np.ndarray, bound: np.ndarray, dissipated: np.ndarray) -> None:
-    """Add an axis' dissipation and replace its left derivative, in `centre`, by the mean of left and right."""
-    half = np.float32(0.5)
-    for i in range(centre.shape[0]):
-        dissipated[i] += half * bound[i] * (right[i] - centre[i])
-        centre[i] = half * (right[i] + centre[i])
+@njit(cache=True)
+def _difference_above(source: np.ndarray, row: int, line: int, low: int, boundary: int) -> float:
+    """Return the difference between the nodes `low` and `low + 1` > the last of the line that begins at `row`."""
+    last = row + line - 1
+    if boundary == PERIODIC:
+        return source[row + low + 1 - line] - source[row + (low if low == line - 1 else low - line)]
+    slope = source[last] - source[last - 1]
+    if boundary == AWAY_FROM_ZERO:
+        return np.sign(source[last]) * abs(slope)
+    return slope
 
 
 @njit(cache=True, fastmath=FLOATING_POINT)
@@ -229,48 +228,39 @@ def advance_slabs(
     states = np.zeros((dimension, most), np.float32)
     centre = np.zeros((dimension, most), np.float32)
     bounds = np.zeros((dimension, most), np.float32)
-    right = np.zeros(most, np.float32)
     dissipated = np.zeros(most, np.float32)
     rate = np.zeros(most, np.float32)
     differences = np.zeros(rows * PITCH, np.float32)
+    filled = -1
     for slab in range(first, end):
         _seek(slab // slabs_per_plane, nodes, index)
         first_line = slab % slabs_per_plane * slab_lines
-        lines = min(slab_lines, nodes[dimension - 2] - first_line)
-        size = lines * line
+        size = min(slab_lines, nodes[dimension - 2] - first_line) * line
         here = FRONT + (slab // slabs_per_plane * nodes[dimension - 2] + first_line) * line
         mirror_shift = 0
         for axis in range(dimension - 2):
             mirror_shift += mirror_shifts[axis, index[axis]]
-        _fill_states(coordinates, state_axis, nodes, index, first_line, size, states)
+        _fill_outer_states(coordinates, state_axis, index, states)
+        if first_line != filled:
+            _fill_inner_states(coordinates, state_axis, line, first_line, size, states)
+            filled = first_line
         dissipation(states, parameters, bounds)
         for i in range(size):
             dissipated[i] = 0.0
         for axis in range(dimension):
             scale = inverse_spacing[axis]
-            if axis == dimension - 1:
-                _differences_along_lines(source, here, lines, line, rows, line_boundary, scale, differences)
-            elif axis == dimension - 2:
-                _differences_between_lines(
-                    source,
-                    here,
-                    first_line,
-                    lines,
-                    line,
-                    stencils[axis, : nodes[axis]],
-                    mirror_shift,
-                    scale,
-                    differences,
-                )
-            else:
-                for m in range(rows):
-                    entry = stencils[axis, index[axis], m]
-                    _difference_by_stencil(
-                        source, here, size, entry, mirror_shift, scale, differences[m * PITCH : (m + 1) * PITCH]
+            for m in range(rows):
+                row = differences[m * PITCH : m * PITCH + size]
+                if axis == dimension - 1:
+                    _differences_along_lines(source, here, line, m - rows // 2, line_boundary, scale, row)
+                elif axis == dimension - 2:
+                    _differences_between_lines(
+                        source, here, first_line, line, nodes[axis], stencils[axis], mirror_shift, scale, m, row
                     )
+                else:
+                    _difference_by_stencil(source, here, stencils[axis], index[axis], m, mirror_shift, scale, row)
             state = state_axis[axis]
-            derivatives(differences, size, centre[state], right)
-            _take_in(centre[state, :size], right[:size], bounds[state, :size], dissipated[:size])
+            derivatives(differences, bounds[state, :size], centre[state, :size], dissipated[:size])
         hamiltonian(states, centre, parameters, limits, rate)
         stop = here + size
         _update(rate[:size], dissipated[:size], base[here:stop], source[here:stop], share, step, floor)
@@ -298,8 +288,9 @@ def target_slabs(
         _seek(slab // slabs_per_plane, nodes, index)
         first_line = slab % slabs_per_plane * slab_lines
         size = min(slab_lines, planes - first_line) * line
-        states = np.empty((nodes.size, size), np.float32)
-        _fill_states(coordinates, state_axis, nodes, index, first_line, size, states)
+        states = np.zeros((nodes.size, size), np.float32)
+        _fill_outer_states(coordinates, state_axis, index, states)
+        _fill_inner_states(coordinates, state_axis, line, first_line, size, states)
         here = FRONT + (slab // slabs_per_plane * planes + first_line) * line
         target(states, parameters, values[here : here + size])
 
@@ -328,9 +319,10 @@ def largest_speed(
         _seek(slab // slabs_per_plane, nodes, index)
         first_line = slab % slabs_per_plane * slab_lines
         size = min(slab_lines, planes - first_line) * line
-        states = np.empty((dimension, size), np.float32)
+        states = np.zeros((dimension, size), np.float32)
         bounds = np.empty((dimension, size), np.float32)
-        _fill_states(coordinates, state_axis, nodes, index, first_line, size, states)
+        _fill_outer_states(coordinates, state_axis, index, states)
+        _fill_inner_states(coordinates, state_axis, line, first_line, size, states)
         dissipation(states, parameters, bounds)
         for i in range(size):
             total = 0.0
