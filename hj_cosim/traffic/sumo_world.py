@@ -231,6 +231,11 @@ class SumoWorld:
         neighbour = lane + (1 if offset > 0.0 else -1)
         straddles = abs(offset) + 0.5 * body.width > 0.5 * road.lane_width and 0 <= neighbour < road.lane_count
         along = x + 0.5 * body.length * math.cos(heading)
+        if along > road.length:
+            raise SimulationError(
+                f"the robot reached the end of the road ({road.length:.0f} m) after {self._time:.2f} s;"
+                " take a longer road or a shorter simulation.duration"
+            )
         self._move(ROBOT, lane, along, y + 0.5 * body.length * math.sin(heading), heading)
         self._lane[-1] = self._target_lane[-1] = lane
         if straddles:
@@ -301,11 +306,6 @@ class SumoWorld:
 
     def _forget(self, arrived: set[str]) -> None:
         """Drop the rows of cars that have reached the end of the road."""
-        if ROBOT in arrived:
-            raise SimulationError(
-                f"the robot reached the end of the road ({self.road.length:.0f} m) after {self._time:.2f} s;"
-                " take a longer road or a shorter simulation.duration"
-            )
         stays = np.array([name not in arrived for name in [*self._names, ROBOT]])
         renumbered = np.cumsum(stays) - 1
         self._changing = [int(renumbered[car]) for car in self._changing if stays[car]]

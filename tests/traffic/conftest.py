@@ -6,8 +6,15 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
-from hj_cosim.config import CarStart, DriverSettings, NormalDistribution, RobotSettings, RobotStart, Scenario
-from hj_cosim.config import TrafficSettings
+from hj_cosim.config import (
+    CarStart,
+    DriverSettings,
+    NormalDistribution,
+    RobotSettings,
+    RobotStart,
+    Scenario,
+    TrafficSettings,
+)
 from hj_cosim.traffic.sumo_world import SumoWorld
 
 STEP = 0.02

@@ -78,6 +78,17 @@ def test_a_lane_is_free_at_once_when_the_robot_has_left_it(open_scene):
             assert reacting(world, before) == [2], f"at y = {y:.2f}"
 
 
+def test_a_lane_change_of_the_robot_makes_nobody_see_it_halt(open_scene):
+    world = open_scene(followers([1, 2], gap=60.0), lane=1)
+    for y in np.append(np.linspace(4.0, 8.0, 151), np.full(20, 8.0)):
+        put(world, y, 20.0)
+        assert libsumo.vehicle.getSpeed(ROBOT) == pytest.approx(20.0, abs=1e-6)
+        assert libsumo.vehicle.getLaneIndex(ROBOT) == world.road.lane_at(y)
+        if GHOST in libsumo.vehicle.getIDList():
+            assert libsumo.vehicle.getSpeed(GHOST) == pytest.approx(20.0, abs=1e-6)
+        assert world.observe().acceleration.min() > -1.0
+
+
 def test_the_lane_that_the_robot_returns_to_sees_it_again(open_scene):
     world = open_scene(followers([1, 2], gap=40.0), lane=1)
     for y in np.concatenate([np.linspace(4.0, 8.0, 60), np.linspace(8.0, 4.0, 60), np.full(3, 4.0)]):
