@@ -132,15 +132,15 @@ class NormalDistribution(Settings):
 class DriverSettings(Settings):
     """What background drivers' IDM and MOBIL parameters are drawn from; the planner knows the means only."""
 
-    desired_speed: NormalDistribution = NormalDistribution(mean=23.0, deviation=1.5)
-    max_acceleration: NormalDistribution = NormalDistribution(mean=3.0, deviation=0.3)
-    comfortable_deceleration: NormalDistribution = NormalDistribution(mean=5.0, deviation=0.5)
-    time_headway: NormalDistribution = NormalDistribution(mean=1.5, deviation=0.15)
-    minimum_gap: NormalDistribution = NormalDistribution(mean=5.0, deviation=0.5)
+    desired_speed: NormalDistribution = Field(NormalDistribution(mean=23.0, deviation=1.5), description="m/s")
+    max_acceleration: NormalDistribution = Field(NormalDistribution(mean=3.0, deviation=0.3), description="m/s²")
+    comfortable_deceleration: NormalDistribution = Field(NormalDistribution(mean=5.0, deviation=0.5), description="m/s²")
+    time_headway: NormalDistribution = Field(NormalDistribution(mean=1.5, deviation=0.15), description="s")
+    minimum_gap: NormalDistribution = Field(NormalDistribution(mean=5.0, deviation=0.5), description="m, bumper to bumper")
     exponent: float = Field(4.0, gt=0, description="IDM's δ")
-    politeness: float = Field(0.0, ge=0, le=1)
-    gain_threshold: float = Field(0.2, ge=0, description="m/s²")
-    safe_braking: float = Field(2.0, gt=0, description="m/s²")
+    politeness: float = Field(0.0, ge=0, le=1, description="MOBIL's, 0 is selfish")
+    gain_threshold: float = Field(0.2, ge=0, description="m/s², what a lane change has to gain")
+    safe_braking: float = Field(2.0, gt=0, description="m/s², what it may ask of the new follower")
 
 
 class NetworkSettings(Settings):
@@ -151,7 +151,7 @@ class NetworkSettings(Settings):
 
 
 class TrafficSettings(Settings):
-    """How many cars are drawn, and how dense, when the episode begins (SPEC section 4)."""
+    """How many cars are drawn, and how dense, when the episode begins."""
 
     count: int = Field(100, ge=0, le=5000, description="cars ahead of the robot")
     count_behind: int = Field(0, ge=0, le=5000, description="cars behind it")
@@ -165,7 +165,7 @@ class TrafficSettings(Settings):
     def _is_consistent(self) -> "TrafficSettings":
         if self.speed_high < self.speed_low:
             raise ValueError(f"speed_high ({self.speed_high}) must be at least speed_low ({self.speed_low})")
-        if self.density is not None and "spacing_factor" in self.model_fields_set:
+        if self.density is not None and self.spacing_factor != 1.0:
             raise ValueError("density and spacing_factor say the same thing twice; keep one of them")
         return self
 
@@ -191,6 +191,7 @@ class Scenario(Settings):
 
     name: str
     description: str = ""
+    seed: int = Field(0, ge=0, description="of an episode that is given no other")
     network: NetworkSettings = NetworkSettings()
     traffic: TrafficSettings = TrafficSettings()
     drivers: DriverSettings = DriverSettings()
@@ -254,6 +255,14 @@ class EpisodeConfig(Settings):
     filter: FilterSettings = FilterSettings()
     simulation: SimulationSettings = SimulationSettings()
     scenario: Scenario
+
+    @model_validator(mode="before")
+    @classmethod
+    def _seed_is_the_scenarios(cls, data: Any) -> Any:
+        scenario = data.get("scenario") if isinstance(data, Mapping) else None
+        if isinstance(scenario, Mapping) and "seed" in scenario and "seed" not in data:
+            return {**data, "seed": scenario["seed"]}
+        return data
 
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
