@@ -1,5 +1,7 @@
 """What all rooms' tests share: a value table small enough to be solved anew for every test run."""
 
+import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -31,3 +33,9 @@ def small_specification(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def small_table(small_specification: Path) -> ValueTable:
     """Return the coarse highway table, solved."""
     return load_table(str(small_specification))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say so when the browser test was left out; tests/analysis/conftest.py leaves it out."""
+    if shutil.which("chromium") is None and "HJ_COSIM_REQUIRE_BROWSER" not in os.environ:
+        terminalreporter.write_line("left out: tests/analysis/test_report_in_browser.py, for there is no chromium")

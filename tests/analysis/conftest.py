@@ -1,17 +1,28 @@
 """Synthetic runs: seeded random traffic around a robot, and records built from a few given states."""
 
+import os
+import shutil
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 
 from hj_cosim.analysis.metrics import threat_track
 from hj_cosim.analysis.record import NO_VEHICLE, RobotTrack, RunRecord, TrafficTrack
+from hj_cosim.analysis.run_folder import write_run
+from hj_cosim.analysis.summary import summarize
 from hj_cosim.config import EpisodeConfig, Scenario
 from hj_cosim.reachability.value_table import ValueTable
 from hj_cosim.vehicles.road import Road
 
 STEP = 0.02
+
+# Without a browser that test is not collected, and tests/conftest.py says so; .ci/run insists on it.
+if shutil.which("chromium") is None and "HJ_COSIM_REQUIRE_BROWSER" not in os.environ:
+    collect_ignore = ["test_report_in_browser.py"]
 
 
 def random_record(samples: int = 200, cars: int = 12, seed: int = 0, road: Road | None = None) -> RunRecord:
@@ -69,3 +80,23 @@ def config() -> EpisodeConfig:
 def table(small_table: ValueTable) -> ValueTable:
     """Return the coarse highway table that all rooms share."""
     return small_table
+
+
+@pytest.fixture(scope="session")
+def make_hostile_run() -> Callable[[Path, str], Path]:
+    """Return a function that writes a crowded run with collisions; one car and the scenario have the given name."""
+
+    def write(folder: Path, name: str) -> Path:
+        record = random_record(samples=150, cars=150, seed=5)
+        names = (name, *record.traffic.names[1:])
+        record = replace(record, traffic=replace(record.traffic, names=names))
+        config = EpisodeConfig(seed=7, scenario=Scenario(name=name))
+        write_run(
+            folder,
+            record,
+            tomli_w.dumps(config.model_dump(mode="json", exclude_none=True)),
+            summarize(record, config, 1.0),
+        )
+        return folder
+
+    return write

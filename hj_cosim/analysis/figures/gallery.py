@@ -41,11 +41,11 @@ class FigureKind:
 
 
 def _trade_off_of(folder: Path) -> Drawing:
-    return trade_off(_study_table(folder / "windows.parquet"))
+    return trade_off(read_study_table(folder / "windows.parquet"))
 
 
 def _density_sweep_of(folder: Path) -> Drawing:
-    return density_sweep(_study_table(folder / "table.csv"), scenario_densities(folder))
+    return density_sweep(read_study_table(folder / "table.csv"), scenario_densities(folder))
 
 
 FIGURES: Mapping[str, FigureKind] = {
@@ -119,7 +119,12 @@ def scenario_densities(study: Path) -> dict[str, float]:
     return densities
 
 
-def _study_table(path: Path) -> pd.DataFrame:
+def read_study_table(path: Path) -> pd.DataFrame:
+    """Return one of a study's tables, .csv or .parquet.
+
+    Raises:
+        RunFolderError: if it is missing or broken.
+    """
     try:
         return (
             pd.read_csv(path, keep_default_na=False, na_values=[""]) if path.suffix == ".csv" else pd.read_parquet(path)

@@ -1,0 +1,87 @@
+"""What the page's replay plays: the robot's columns and the cars near it, as arrays in a JSON document."""
+
+import base64
+import math
+from typing import Any
+
+import numpy as np
+
+from hj_cosim.analysis.figures.value_plot import VALUE_LIMIT, value_colours
+from hj_cosim.analysis.plan_path import LATERAL_RATE, SPEED_RATE
+from hj_cosim.analysis.record import RunRecord
+from hj_cosim.analysis.values import car_values
+from hj_cosim.reachability.value_table import ValueTable
+
+NEAR = 120.0  # m, cars within this are shown
+BYTES_PER_CAR = 32  # of a sample: eight numbers of four bytes
+LARGEST = 3_500_000  # bytes of cars, so that the page stays below 8 MB with its figures, in base64
+COLOURS = 121
+_ROBOT_COLUMNS = [
+    "x",
+    "y",
+    "heading",
+    "speed",
+    "omega",
+    "acceleration",
+    "plan_speed",
+    "plan_lane",
+    "value",
+    "value_vehicle",
+    "constraints",
+    "intervening",
+]
+
+
+def replay_data(record: RunRecord, table: ValueTable) -> dict[str, Any]:
+    """Return a run for page/replay.js; of a long or crowded one only every second, third... sample.
+
+    Args:
+        record: the run.
+        table: V, for the value of each car.
+    """
+    traffic, robot = record.traffic, record.robot
+    relative = traffic.x - robot.x[:, None]
+    near = traffic.present & (np.abs(relative) <= NEAR)
+    every = max(math.ceil(np.count_nonzero(near) * BYTES_PER_CAR / LARGEST), 1)
+    kept = np.arange(0, len(record.time), every)
+    sample, car = np.nonzero(near[kept])
+    where = (kept[sample], car)
+    columns = {"time": record.time, **{name: getattr(robot, name) for name in _ROBOT_COLUMNS}}
+    columns |= {name: getattr(record.threats, name) for name in ("ttc", "min_gap", "collision")}
+    flags = ("intervening", "collision")
+    step = float(record.time[every] - record.time[0]) if len(kept) > 1 else 1.0
+    return {
+        "names": list(traffic.names),
+        "lanes": record.road.lane_count,
+        "laneWidth": record.road.lane_width,
+        "robotLength": record.robot_length,
+        "robotWidth": record.robot_width,
+        "samplesPerSecond": round(1.0 / step),
+        "lateralRate": LATERAL_RATE,
+        "speedRate": SPEED_RATE,
+        "valueLimit": VALUE_LIMIT,
+        "colours": _colours(),
+        "robot": {name: _encode(column[kept], "u1" if name in flags else "f8") for name, column in columns.items()},
+        "cars": {
+            "start": _encode(np.concatenate([[0], np.cumsum(np.count_nonzero(near[kept], axis=1))]), "u4"),
+            "vehicle": _encode(car, "u4"),
+            "dx": _encode(relative[where], "f4"),
+            "y": _encode(traffic.y[where], "f4"),
+            "heading": _encode(traffic.heading[where], "f4"),
+            "speed": _encode(traffic.speed[where], "f4"),
+            "value": _encode(car_values(record, table)[where], "f4"),
+            "length": _encode(traffic.length[car], "f4"),
+            "width": _encode(traffic.width[car], "f4"),
+        },
+    }
+
+
+def _encode(values: np.ndarray, kind: str) -> dict[str, str]:
+    """Return an array as base64 of little-endian numbers of a kind, as replay.js decodes it."""
+    data = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
+    return {"kind": kind, "data": base64.b64encode(data).decode("ascii")}
+
+
+def _colours() -> list[str]:
+    shades = np.round(255 * value_colours(np.linspace(-VALUE_LIMIT, VALUE_LIMIT, COLOURS))).astype(int)
+    return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue, _ in shades]

@@ -1,0 +1,70 @@
+import json
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from hj_cosim.analysis.report import write_report
+from hj_cosim.errors import RunFolderError
+
+HOSTILE = "</script><img src=x onerror=alert(1)>"
+
+
+@pytest.fixture(scope="module")
+def hostile_report(tmp_path_factory, make_hostile_run, table) -> Path:
+    """Return the report of a run in which a car and the scenario have hostile names."""
+    return write_report(make_hostile_run(tmp_path_factory.mktemp("report") / "run", HOSTILE), table=table)
+
+
+def test_a_report_escapes_what_comes_from_the_run(hostile_report):
+    page = hostile_report.read_text()
+    assert HOSTILE not in page
+    assert "<img src=x" not in page
+    data = re.search(r'<script type="application/json" id="run">(.*?)</script>', page, re.DOTALL)
+    assert data is not None
+    assert HOSTILE in json.loads(data.group(1))["names"]
+
+
+def test_a_report_loads_nothing_from_anywhere_and_is_small(hostile_report):
+    page = hostile_report.read_text()
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert len(sources) >= 5
+    assert all(source.startswith("data:image/png;base64,") for source in sources)
+    assert "url(" not in page
+    assert "default-src 'none'" in page
+    assert hostile_report.stat().st_size < 8_000_000
+
+
+def test_a_study_s_report_holds_its_table_with_intervals(tmp_path):
+    metrics = ("mean_speed", "ttc_ge_3")
+    rows = [
+        {"scenario": "paper", "planner": planner, "filter": "spc", "scheme": "mi", "episodes": 2, "missing": 1}
+        | {f"{metric}{end}": value for metric in metrics for end, value in (("", 0.5), ("_lo", 0.25), ("_hi", 0.75))}
+        for planner in ("hjop", "<b>")
+    ]
+    pd.DataFrame(rows).to_csv(tmp_path / "table.csv", index=False)
+    windows = [
+        {
+            "planner": "hjop",
+            "filter": "spc",
+            "scheme": "mi",
+            "start": 0.0,
+            "mean_speed": 20.0 + k,
+            "ttc_p1": 4.0 + k % 2,
+        }
+        for k in range(5)
+    ]
+    pd.DataFrame(windows).to_parquet(tmp_path / "windows.parquet")
+
+    page = write_report(tmp_path).read_text()
+
+    assert "0.5 [0.25, 0.75]" in page
+    assert "&lt;b&gt;" in page
+    assert "<td><b></td>" not in page
+    assert "2 episodes are missing" in page
+
+
+def test_a_folder_without_run_or_study_is_refused(tmp_path):
+    with pytest.raises(RunFolderError, match="neither a run nor a study"):
+        write_report(tmp_path)
