@@ -53,7 +53,12 @@ class ValueTable:
                 f"a table of {self.dynamics.name} has the state {', '.join(self.dynamics.state)};"
                 " planning and filtering need p_x, p_y, theta, v_r, v_o"
             )
-        return TableArrays(self.values, np.array(self.grid.lower), 1.0 / self.grid.spacing)
+        grid = self.grid
+        x, y, theta, v_r, v_o = grid.lower
+        per_x, per_y, per_theta, per_r, per_o = (float(1.0 / spacing) for spacing in grid.spacing)
+        return TableArrays(
+            self.values, self.values.reshape(-1), (x, y, theta, v_r, v_o), (per_x, per_y, per_theta, per_r, per_o)
+        )
 
     def value_and_gradient(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return V (N,) and ∂V/∂x (N, n) at `states` (N, n), outside the grid as the dynamics say."""
