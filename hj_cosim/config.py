@@ -134,9 +134,13 @@ class DriverSettings(Settings):
 
     desired_speed: NormalDistribution = Field(NormalDistribution(mean=23.0, deviation=1.5), description="m/s")
     max_acceleration: NormalDistribution = Field(NormalDistribution(mean=3.0, deviation=0.3), description="m/s²")
-    comfortable_deceleration: NormalDistribution = Field(NormalDistribution(mean=5.0, deviation=0.5), description="m/s²")
+    comfortable_deceleration: NormalDistribution = Field(
+        NormalDistribution(mean=5.0, deviation=0.5), description="m/s²"
+    )
     time_headway: NormalDistribution = Field(NormalDistribution(mean=1.5, deviation=0.15), description="s")
-    minimum_gap: NormalDistribution = Field(NormalDistribution(mean=5.0, deviation=0.5), description="m, bumper to bumper")
+    minimum_gap: NormalDistribution = Field(
+        NormalDistribution(mean=5.0, deviation=0.5), description="m, bumper to bumper"
+    )
     exponent: float = Field(4.0, gt=0, description="IDM's δ")
     politeness: float = Field(0.0, ge=0, le=1, description="MOBIL's, 0 is selfish")
     gain_threshold: float = Field(0.2, ge=0, description="m/s², what a lane change has to gain")
