@@ -173,7 +173,7 @@ class _WorkerProcess:
         assert requests is not None
         assert replies is not None
         try:
-            requests.write(request)
+            requests.write(pickle.dumps(request))  # framed: see study.worker
             requests.flush()
             return pickle.load(replies)
         except (BrokenPipeError, EOFError, pickle.UnpicklingError):

@@ -1,8 +1,9 @@
 """The process that drives episodes one after the other for `study.local_workers`.
 
-It reads pickles from standard input, first the function that drives an episode, then one EpisodeJob after the
-other, and answers each on standard output: READY, then None for a job that is done or one sentence for one that could
-not be. What it or SUMO prints goes to standard error. A programming error ends the process, its traceback is printed.
+It reads requests from standard input, each a pickle within a pickle: first the function that drives an episode, then
+one EpisodeJob after the other. It answers each on standard output: READY, then None for a job that is done or one
+sentence for one that could not be. What it or SUMO prints goes to standard error. A programming error ends the
+process, and the traceback is printed.
 """
 
 import os
@@ -10,7 +11,7 @@ import pickle
 import sys
 import threading
 from queue import SimpleQueue
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from hj_cosim.errors import HjCosimError
 from hj_cosim.study.jobs import EpisodeFunction, EpisodeJob
@@ -22,16 +23,22 @@ def main() -> None:
     """Serve until standard input ends."""
     replies = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what SUMO prints must not run into the replies
-    requests: SimpleQueue[Any] = SimpleQueue()
-    threading.Thread(target=_receive, args=(sys.stdin.buffer, requests), daemon=True).start()
-    function: EpisodeFunction = requests.get()
+    requests: SimpleQueue[bytes] = SimpleQueue()
+    # Not sys.stdin itself: Python waits for its lock when it ends, and so for a study that has nothing more to say.
+    stream = os.fdopen(os.dup(sys.stdin.fileno()), "rb")
+    threading.Thread(target=_receive, args=(stream, requests), daemon=True).start()
+    function: EpisodeFunction = pickle.loads(requests.get())
     _reply(replies, READY)
     while True:
-        _reply(replies, _carry_out(requests.get(), function))
+        _reply(replies, _carry_out(pickle.loads(requests.get()), function))
 
 
-def _receive(stream: BinaryIO, requests: "SimpleQueue[Any]") -> None:
-    """Pass on what the study sends; when the study is gone, be gone at once, in the middle of an episode, too."""
+def _receive(stream: BinaryIO, requests: "SimpleQueue[bytes]") -> None:
+    """Pass on what the study sends; when the study is gone, be gone at once, in the middle of an episode, too.
+
+    The outer pickle frames a request and can always be read here; what is within may fail to, over a module that is
+    not there, which must end the process and not this thread alone.
+    """
     try:
         while True:
             requests.put(pickle.load(stream))

@@ -1,0 +1,63 @@
+"""Small studies of synthetic episodes; worker processes find their functions on the path."""
+
+import importlib
+from collections.abc import Callable, Generator, Sequence
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from hj_cosim.errors import HjCosimError
+from hj_cosim.study.design import StudyDesign, design_study
+from hj_cosim.study.folder import StudyFolder
+from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob, Outcome
+from hj_cosim.study.stacks import Stack
+from hj_cosim.study.study import Study, conduct
+
+
+class InThisProcess:
+    """An engine for tests of what is independent of engines."""
+
+    def run(self, jobs: Sequence[EpisodeJob], function: EpisodeFunction) -> Generator[Outcome, None, None]:
+        for job in jobs:
+            try:
+                function(job)
+            except HjCosimError as error:
+                yield Outcome(job, str(error), "its log")
+            else:
+                yield Outcome(job)
+
+
+TWO_STACKS = (Stack("hjop", "spc", "mi"), Stack("op", "none"))
+
+
+@pytest.fixture
+def synthetic(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The module `synthetic_episodes`, importable here and in the workers."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    return importlib.import_module("synthetic_episodes")
+
+
+@pytest.fixture
+def design() -> StudyDesign:
+    return design_study(episodes=4, stacks=TWO_STACKS)
+
+
+@pytest.fixture
+def conduct_synthetic(synthetic: ModuleType, design: StudyDesign, tmp_path: Path) -> Callable[..., Study]:
+    """Conduct a study of synthetic episodes; keyword arguments in place of the defaults."""
+    table = tmp_path / "table.npz"
+    table.write_bytes(b"no episode here looks into it")
+
+    def conduct_it(folder: str, engine: Engine | None = None, study: StudyDesign = design, **changes) -> Study:
+        options = {"function": synthetic.drive, "table_file": lambda name: table, **changes}
+        return conduct(StudyFolder(tmp_path / folder, study), {"asked": "for"}, engine or InThisProcess(), **options)
+
+    return conduct_it
+
+
+@pytest.fixture
+def reproducible_files() -> Callable[[Path], dict[str, bytes]]:
+    """Return the content of a study's files that must not depend on how it was driven."""
+    names = ("table.csv", "differences.csv", "comparison.csv", "episodes.parquet", "windows.parquet", "study.toml")
+    return lambda folder: {name: (folder / name).read_bytes() for name in names}
