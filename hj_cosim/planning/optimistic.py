@@ -19,7 +19,7 @@ from hj_cosim.planning.prediction import (
     noticed_lanes,
 )
 from hj_cosim.planning.reward import reward_model
-from hj_cosim.planning.tree_search import ROOT, ActionModel, Tree, empty_tree, outermost_lanes, search
+from hj_cosim.planning.tree_search import ACTION_COUNT, ROOT, ActionModel, Tree, empty_tree, outermost_lanes, search
 from hj_cosim.reachability.value_table import ValueTable
 from hj_cosim.vehicles.mobil import mobil_parameters
 from hj_cosim.vehicles.observation import Observation, Target
@@ -27,9 +27,6 @@ from hj_cosim.vehicles.road import Road
 
 # Drivers notice the robot in a lane when its centre is this far beyond the lane's border, or nearer (SPEC section 4).
 NOTICE_MARGIN = 1.0  # m
-
-# A car that is farther from the centre line of the lane that it drives to is still changing lanes.
-CENTRED = 0.1  # m
 
 
 def mean_driver(drivers: DriverSettings) -> tuple[float, float, float, float, float, float]:
@@ -112,8 +109,16 @@ class OptimisticPlanner:
         bodies[ROBOT] = self._robot.length, self._robot.width
         bodies[1:, 0], bodies[1:, 1] = observation.length[cars], observation.width[cars]
         self._plant_root(observation, cars, previous)
+        action_values = np.empty(ACTION_COUNT)
         nodes, expansions, best = search(
-            self._tree, self._scene, bodies, self._prediction, self._actions, self._weights, self._table
+            self._tree,
+            self._scene,
+            bodies,
+            self._prediction,
+            self._actions,
+            self._weights,
+            self._table,
+            action_values,
         )
         path = _path_to(self._tree, best)
         first = self._tree.nodes[path[1]]
@@ -125,6 +130,7 @@ class OptimisticPlanner:
                 nodes=nodes,
                 depth=int(self._tree.nodes["depth"][:nodes].max()),
                 best_value=float(self._tree.nodes[best]["value"]),
+                action_values=action_values,
                 trajectory=self._trajectory(path, observation, cars),
             ),
         )
@@ -183,14 +189,14 @@ class OptimisticPlanner:
 def occupied_lanes(observation: Observation, cars: np.ndarray, road: Road) -> tuple[np.ndarray, np.ndarray]:
     """Return the lanes that cars drive to and the second lanes that they occupy meanwhile (or the first again).
 
-    A car in the middle of a change may already be counted to its new lane: then its lateral position tells which
-    lane it comes from.
+    A car that changes lanes may already be counted to its new lane: then its lateral position tells whether its body
+    has left the lane that it comes from.
     """
     lane, target = observation.lane[cars], observation.target_lane[cars]
-    off_centre = observation.y[cars] - road.lane_width * target
-    from_side = target + np.where(np.abs(off_centre) > CENTRED, np.sign(off_centre), 0).astype(np.int64)
-    second_lane = np.where(lane != target, lane, from_side)
-    return target, np.clip(second_lane, 0, road.lane_count - 1)
+    offset = observation.y[cars] - road.lane_width * target
+    is_within = np.abs(offset) <= 0.5 * (road.lane_width - observation.width[cars])
+    neighbour = target + np.where(is_within, 0, np.sign(offset)).astype(np.int64)
+    return target, np.clip(np.where(lane != target, lane, neighbour), 0, road.lane_count - 1)
 
 
 def _path_to(tree: Tree, node: int) -> np.ndarray:

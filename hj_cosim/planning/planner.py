@@ -39,7 +39,8 @@ class PlanStatistics:
     nodes: int
     depth: int  # of the deepest node
     best_value: float  # the highest lower bound: discounted rewards in [0, 1], summed
-    trajectory: PredictedTrajectory  # to the node that has it
+    action_values: np.ndarray  # (5,) the highest after each action; −inf where the action does not exist
+    trajectory: PredictedTrajectory  # to the node that has the highest
 
 
 @dataclass(frozen=True)

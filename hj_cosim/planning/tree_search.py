@@ -6,7 +6,7 @@ the way to it plus γ^d / (1 − γ); those rewards alone are its lower bound. E
 highest upper bound and adds a child for each action. The answer is the first action on the way to the node of the
 highest lower bound.
 
-A tree of n expansions has at most 5 n + 1 nodes, each of 64 + 18 (J + 1) bytes for J cars; all are allocated before
+A tree of n expansions has at most 5 n + 1 nodes, each of 80 + 18 (J + 1) bytes for J cars; all are allocated before
 the search begins, and nothing is allocated in it.
 """
 
@@ -47,10 +47,14 @@ LANE_CHANGE = (0, 0, 0, 1, -1)
 SPEED_CHANGE = (0, 1, -1, 0, 0)  # in steps of the planned speed
 ROOT = 0
 
+# A lane is reached when the robot's centre is this near to its centre line, in lane widths.
+REACHED = 0.25
+
 NODE = np.dtype(
     [
         ("parent", np.int64),
         ("action", np.int64),  # that led to it
+        ("first_action", np.int64),  # that the way to it begins with
         ("depth", np.int64),
         ("planned_lane", np.int64),  # l_p
         ("planned_speed", np.float64),  # v_p, m/s
@@ -101,6 +105,7 @@ def search(
     actions: ActionModel,
     weights: RewardModel,
     table: TableArrays,
+    action_values: np.ndarray,
 ) -> tuple[int, int, int]:
     """Search from the root, which the caller has written into node 0, until the budget is spent.
 
@@ -109,12 +114,14 @@ def search(
         scene: work space for M vehicles.
         bodies: (M, 2) length and width of each vehicle by its number, m.
         prediction, actions, weights, table: the models.
+        action_values: (5,) gets the highest lower bound that follows each first action; −inf where there is none.
 
     Returns:
         The number of nodes, the number of expansions, and the node of the highest lower bound (the earliest of
         several).
     """
     nodes = tree.nodes
+    action_values[:] = -math.inf
     count, expansions, best = 1, 0, ROOT
     leaves = push_leaf(tree.bound, tree.leaf, nodes, 0, ROOT, 1.0 / (1.0 - actions.discount))
     while leaves > 0 and expansions < actions.expansions:
@@ -125,10 +132,13 @@ def search(
         drive_cars(scene, robot, noticed_lanes(scene.state[LATERAL, robot], prediction), SHARED, prediction)
         expansions += 1
         weight = actions.discount ** nodes[node].depth
+        off_centre = scene.state[LATERAL, robot] - nodes[node].planned_lane * prediction.lane_width
         for action in range(ACTION_COUNT):
             lane = nodes[node].planned_lane + LANE_CHANGE[action]
             speed = nodes[node].planned_speed + SPEED_CHANGE[action] * actions.speed_step
             if not (0 <= lane < prediction.lane_count and actions.speed_floor <= speed <= actions.speed_high):
+                continue
+            if not may_change_lane(LANE_CHANGE[action], off_centre, prediction.lane_width):
                 continue
             occupied, heading = drive_robot(scene, robot, lane, speed, prediction)
             drive_cars(scene, robot, occupied, REACTING, prediction)
@@ -141,11 +151,13 @@ def search(
             child = nodes[count]
             child.parent = node
             child.action = action
+            child.first_action = action if node == ROOT else nodes[node].first_action
             child.depth = nodes[node].depth + 1
             child.planned_lane = lane
             child.planned_speed = speed
             child.heading = heading
             child.value = nodes[node].value + weight * reward
+            action_values[child.first_action] = max(action_values[child.first_action], child.value)
             if best == ROOT or child.value > nodes[best].value:
                 best = count
             if not crashed:
@@ -153,6 +165,22 @@ def search(
                 leaves = push_leaf(tree.bound, tree.leaf, nodes, leaves, count, bound)
             count += 1
     return count, expansions, best
+
+
+@njit(cache=True, error_model="numpy")
+def may_change_lane(change: int, off_centre: float, lane_width: float) -> bool:
+    """Return whether the robot may now plan for the lane to the left (+1) or the right (−1); 0 is always allowed.
+
+    It must have come near the lane that it planned for, or be turning back. Otherwise the reward of a lane far across
+    could be had at once by planning for it, and lost never by turning back in time; and the tracking controller,
+    which steers the harder the farther the lane is, would cross faster than predicted.
+
+    Args:
+        change: of the planned lane.
+        off_centre: where the robot is to the left of the lane planned for now, m.
+        lane_width: m.
+    """
+    return change * off_centre >= -REACHED * lane_width
 
 
 @njit(cache=True, error_model="numpy")
@@ -177,7 +205,10 @@ def open_scene(
 def close_scene(
     node_state: np.ndarray, node_place: np.ndarray, scene: Scene, robot: int, prediction: PredictionModel
 ) -> None:
-    """Write the vehicles at the end of the predicted motion into a node, in the order of the scene."""
+    """Write the vehicles at the end of the predicted motion into a node, in the order of the scene.
+
+    A car is in the lane that it comes from until its body has left it.
+    """
     state, place, last = scene.state, scene.place, prediction.steps
     moved = prediction.others_lateral_speed * prediction.step * last
     for car in range(state.shape[1]):
@@ -186,7 +217,8 @@ def close_scene(
         lateral = approach(state[LATERAL, car], centre, moved)
         node_place[VEHICLE, car] = place[VEHICLE, car]
         node_place[LANE, car] = lane
-        node_place[SECOND_LANE, car] = lane if lateral == centre else place[SECOND_LANE, car]
+        is_within = abs(lateral - centre) <= 0.5 * (prediction.lane_width - state[WIDTH, car])
+        node_place[SECOND_LANE, car] = lane if is_within else place[SECOND_LANE, car]
         node_state[POSITION, car] = scene.motion[place[BRANCH, car], POSITION, car, last]
         node_state[SPEED, car] = scene.motion[place[BRANCH, car], SPEED, car, last]
         node_state[LATERAL, car] = lateral
