@@ -19,7 +19,7 @@ shape (2, dimension): at a limit an input that would cross it is not available; 
 import hashlib
 import importlib.util
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -143,7 +143,7 @@ def registered_dynamics() -> Mapping[str, Dynamics]:
     from hj_cosim.reachability.systems import air3d, double_integrator, highway
 
     modules = (highway, air3d, double_integrator)
-    return {module.dynamics.name: _fingerprinted(module.dynamics, Path(module.__file__)) for module in modules}
+    return {module.dynamics.name: _fingerprinted(module.dynamics, Path(str(module.__file__))) for module in modules}
 
 
 def find_dynamics(name: str, folder: Path | None = None) -> Dynamics:
@@ -181,6 +181,4 @@ def find_dynamics(name: str, folder: Path | None = None) -> Dynamics:
 
 
 def _fingerprinted(dynamics: Dynamics, source: Path) -> Dynamics:
-    from dataclasses import replace
-
     return replace(dynamics, fingerprint=hashlib.sha256(source.read_bytes()).hexdigest())

@@ -61,9 +61,9 @@ class Layout:
         if self.fold >= 0:
             image = values
             for axis in np.flatnonzero(self.mirrored):
-                image = np.flip(image, axis)
+                image = np.flip(image, int(axis))
                 if self.periodic[axis]:
-                    image = np.roll(image, 1, axis)  # node k mirrors node −k, so node 0 stays
+                    image = np.roll(image, 1, int(axis))  # node k mirrors node −k, so node 0 stays
             beyond = image.take(range(values.shape[self.fold] - int(self.fold_on_node)), self.fold)
             values = np.concatenate([beyond, values], self.fold)
         return np.ascontiguousarray(values.transpose(np.argsort(self.order)))

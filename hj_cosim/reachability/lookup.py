@@ -31,11 +31,11 @@ class TableArrays(NamedTuple):
 class Cell(NamedTuple):
     """The cell that a state lies in: its first corner, the steps to the others, and where in it the state is."""
 
-    corner: int  # offset into the flat table
-    step_x: int  # to the next node along p_x, p_y, θ, v_r; along v_o it is 1
-    step_y: int
-    step_theta: int
-    step_r: int
+    corner: np.uint64  # offset into the flat table
+    step_x: np.uint64  # to the next node along p_x, p_y, θ, v_r; along v_o it is 1
+    step_y: np.uint64
+    step_theta: np.uint64
+    step_r: np.uint64
     x: float  # shares of the spacing, float32
     y: float
     theta: float
@@ -44,11 +44,11 @@ class Cell(NamedTuple):
 
 
 @njit(cache=True)
-def _place(coordinate: float, nodes: int) -> tuple[int, float]:
+def _place(coordinate: float, nodes: int) -> tuple[np.uint64, float]:
     """Return the cell that a coordinate in units of the spacing lies in, and where in it, clamped to the grid."""
     clamped = min(max(coordinate, 0.0), nodes - 1.0)
     cell = min(int(clamped), nodes - 2)
-    return np.uint64(cell), np.float32(clamped - cell)
+    return np.uint64(cell), np.float32(clamped - cell)  # type: ignore[return-value]
 
 
 @njit(cache=True)
@@ -75,7 +75,7 @@ def _cell_of(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: floa
 
 
 @njit(cache=True)
-def _over_speeds(flat: np.ndarray, corner: int, cell: Cell) -> tuple[float, float, float]:
+def _over_speeds(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[float, float, float]:
     """Return value, slope in v_r and slope in v_o (per cell) at a node in position and heading."""
     above = corner + cell.step_r
     slow, fast = flat[corner], flat[above]
@@ -86,7 +86,7 @@ def _over_speeds(flat: np.ndarray, corner: int, cell: Cell) -> tuple[float, floa
 
 
 @njit(cache=True)
-def _over_headings(flat: np.ndarray, corner: int, cell: Cell) -> tuple[float, float, float, float]:
+def _over_headings(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[float, float, float, float]:
     """Return value and slopes in θ, v_r, v_o at a node in position."""
     share = cell.theta
     low, low_r, low_o = _over_speeds(flat, corner, cell)
@@ -96,7 +96,7 @@ def _over_headings(flat: np.ndarray, corner: int, cell: Cell) -> tuple[float, fl
 
 
 @njit(cache=True)
-def _over_width(flat: np.ndarray, corner: int, cell: Cell) -> tuple[float, float, float, float, float]:
+def _over_width(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[float, float, float, float, float]:
     """Return value and slopes in p_y, θ, v_r, v_o at a node in p_x."""
     share = cell.y
     low, low_t, low_r, low_o = _over_headings(flat, corner, cell)

@@ -5,6 +5,7 @@ import json
 import zipfile
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -126,7 +127,12 @@ class ValueTable:
             "checksum": _checksum(arrays, specification),
         }
         with whole_file(path) as temporary:
-            np.savez(temporary, **arrays, spec=np.array(specification), report=np.array(json.dumps(report)))
+            content: dict[str, Any] = {
+                **arrays,
+                "spec": np.array(specification),
+                "report": np.array(json.dumps(report)),
+            }
+            np.savez(temporary, **content)
 
     @staticmethod
     def load(path: Path) -> "ValueTable":
