@@ -129,6 +129,14 @@ def scenarios(
     as_json: Json = False,
 ) -> None:
     """List the scenarios, their roads and densities."""
+    from hj_cosim.traffic.catalogue import list_scenarios, scenario_schema, scenario_template
+
+    if template:
+        print(scenario_template(), end="")
+    elif schema:
+        print_json(scenario_schema())
+    else:
+        _print_rows("scenarios", [asdict(entry) for entry in list_scenarios()], as_json)
 
 
 @app.command(epilog=_example("hj-cosim export runs/paper-hjop-spc-mi-0 --format csv --out drive.csv"))
@@ -163,6 +171,37 @@ def figure(
     folder = run or study
     target = out or (folder / "figures" if folder else runs_folder() / "figures") / name
     _print_files(save_drawing(draw_figure(name, run=run, study=study), target), as_json)
+
+
+@app.command(epilog=_example("hj-cosim replay runs/paper-hjop-spc-mi-0", "hj-cosim replay DIR --out drive.mp4"))
+def replay(
+    folder: RunFolder,
+    out: Annotated[Path | None, typer.Option(help="A .gif, or an .mp4 where ffmpeg is installed.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Animate a run: the drive from above, the robot's plan, the cars in the colours of their values."""
+    from hj_cosim.analysis.figures.gallery import table_of
+    from hj_cosim.analysis.replay import write_replay
+    from hj_cosim.analysis.run_folder import read_run
+
+    recorded = read_run(folder)
+    with progress_bars() as bars:
+        written = write_replay(recorded, table_of(recorded), out, bar(bars, "drawing frames"))
+    _print_files([written], as_json)
+
+
+@app.command(epilog=_example("hj-cosim report runs/paper-hjop-spc-mi-0", "hj-cosim report runs/study-paper-0"))
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of a run or a study.")],
+    out: Annotated[Path | None, typer.Option(help="The HTML file; report.html in the folder by default.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Write one self-contained HTML page about a run, with an interactive replay, or about a study."""
+    from hj_cosim.analysis.report import write_report
+
+    with progress_bars() as bars:
+        written = write_report(folder, out, progress=bar(bars, "drawing figures"))
+    _print_files([written], as_json)
 
 
 def _print_rows(title: str, rows: list[dict[str, Any]], as_json: bool) -> None:

@@ -91,11 +91,16 @@ def summary_table(summary: Mapping[str, Any]) -> Table:
 
 
 def plain_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> Table:
-    """Return a table of texts and numbers; numbers stand to the right."""
-    table = Table(title=title)
+    """Return a table of texts and numbers; numbers stand to the right, the last column takes the room that is left."""
+    table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), expand=True)
     for index, column in enumerate(columns):
         numeric = bool(rows) and all(isinstance(row[index], int | float) for row in rows)
-        table.add_column(column, justify="right" if numeric else "left", overflow="fold")
+        heading = column.replace("_", " ")
+        if numeric:
+            table.add_column(heading, justify="right", max_width=9)
+        else:
+            last = index == len(columns) - 1
+            table.add_column(heading, overflow="fold", ratio=1 if last else None, no_wrap=not last)
     for row in rows:
         table.add_row(*(f"{cell:g}" if isinstance(cell, float) else str(cell) for cell in row))
     return table
