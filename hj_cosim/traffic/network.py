@@ -52,13 +52,13 @@ def _read_lanes(path: Path, edge: str) -> tuple[list[_Lane], set[str]]:
     """Return the lanes of `edge`, from the right, and the names of all edges that are not inside a junction."""
     lanes: dict[int, _Lane] = {}
     edges: set[str] = set()
-    roots: list[str] = []
+    roots: list[tuple[str, bool]] = []  # the outermost element, and whether it states a version
     inside = False
 
     def start(name: str, attributes: dict[str, str]) -> None:
         nonlocal inside
         if not roots:
-            roots.append(name)
+            roots.append((name, "version" in attributes))
         if name == "edge" and attributes.get("function") != "internal":
             edges.add(attributes.get("id", ""))
             inside = attributes.get("id") == edge
@@ -84,8 +84,11 @@ def _read_lanes(path: Path, edge: str) -> tuple[list[_Lane], set[str]]:
         raise NetworkError(f"{path} is not a SUMO network: {error}") from error
     except (KeyError, ValueError) as error:
         raise NetworkError(f"{path}: edge {edge!r} has a lane without a readable index, length or shape") from error
-    if roots != ["net"]:
-        raise NetworkError(f"{path} is not a SUMO network: its root is <{roots[0]}>, not <net>")
+    name, states_version = roots[0]
+    if name != "net":
+        raise NetworkError(f"{path} is not a SUMO network: its root is <{name}>, not <net>")
+    if not states_version:  # SUMO crashes on such a file
+        raise NetworkError(f'{path}: its <net> states no version; write <net version="1.20">')
     return [lanes[index] for index in sorted(lanes)], edges
 
 

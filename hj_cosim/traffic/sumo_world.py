@@ -98,8 +98,9 @@ class SumoWorld:
         try:
             self._start(network, initial, seed)
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+            reason = self._first_message() or str(error)
             self.close()
-            raise SimulationError(f"SUMO could not start scenario {scenario.name} on {network}: {error}") from error
+            raise SimulationError(f"SUMO cannot run scenario {scenario.name} on {network}: {reason}") from error
         self._take_stock(initial, seed)
 
     def _start(self, network: Path, initial: InitialTraffic, seed: int) -> None:
@@ -114,7 +115,7 @@ class SumoWorld:
         if libsumo.vehicle.getIDCount() != len(self.vehicle_names) + 1:
             raise SimulationError(
                 f"SUMO inserted {libsumo.vehicle.getIDCount() - 1} of {len(self.vehicle_names)} cars;"
-                f" the first warning was: {self._first_warning()}"
+                f" its first warning was: {self._first_message()}"
             )
         for name in self.vehicle_names:
             libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE)
@@ -316,9 +317,14 @@ class SumoWorld:
                      "_second_lane", "_length", "_front_offset", "_width", "_all_drivers"):  # fmt: skip
             setattr(self, name, getattr(self, name)[stays])
 
-    def _first_warning(self) -> str:
-        lines = self._sumo_log.read_text(encoding="utf-8").splitlines() if self._sumo_log.is_file() else []
-        return lines[0] if lines else "none"
+    def _first_message(self) -> str:
+        """Return the first of SUMO's warnings and errors, in one line; empty if there is none."""
+        lines = (
+            self._sumo_log.read_text(encoding="utf-8", errors="replace").splitlines()
+            if self._sumo_log.is_file()
+            else []
+        )
+        return lines[0].removeprefix("Error: ").removeprefix("Warning: ") if lines else ""
 
     def close(self) -> None:
         """End SUMO and pass its warnings on to the log."""

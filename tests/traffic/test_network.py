@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hj_cosim.config import NetworkSettings, RobotSettings, RobotStart, Scenario, TrafficSettings
-from hj_cosim.errors import NetworkError
+from hj_cosim.errors import NetworkError, SimulationError
 from hj_cosim.locations import scenarios_folder
 from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.scenarios import network_path
@@ -145,6 +145,26 @@ def test_what_is_not_a_network_is_refused(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(NetworkError, match="not a SUMO network"):
         read_road(path, "main")
+
+
+def test_a_network_without_a_version_is_refused_because_sumo_crashes_on_it(tmp_path):
+    path = net(tmp_path, STRAIGHT)
+    path.write_text(path.read_text().replace('version="1.20"', ""))
+    with pytest.raises(NetworkError, match="states no version"):
+        read_road(path, "main")
+
+
+def test_what_sumo_itself_finds_wrong_is_told_in_one_sentence(tmp_path):
+    path = net(tmp_path, STRAIGHT)
+    path.write_text(path.read_text().replace('from="a"', 'from="nowhere"'))
+    scenario = Scenario(
+        name="broken", network=NetworkSettings(file=str(path), edge="main"), traffic=TrafficSettings(count=5)
+    )
+    with pytest.raises(
+        SimulationError, match=r"cannot run scenario broken on .*: Unknown from-node 'nowhere'"
+    ) as error:
+        SumoWorld(scenario, RobotSettings(), seed=0)
+    assert "\n" not in str(error.value)
 
 
 def test_a_missing_network_names_where_it_was_looked_for(tmp_path):
