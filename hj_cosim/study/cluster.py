@@ -20,8 +20,6 @@ from hj_cosim.errors import HjCosimError, WorkerError
 from hj_cosim.files import whole_file
 from hj_cosim.study.jobs import EpisodeFunction, EpisodeJob, Outcome
 
-CONNECT_TIMEOUT = 10.0  # s, for the scheduler to answer and for the first worker to be there
-
 RunFiles = Mapping[str, bytes | None]  # the content of a run folder by path; None for a folder in it
 TableContent = tuple[str, bytes]  # a solved table's file and its digest
 
@@ -31,22 +29,28 @@ _ONE_SUMO = threading.Lock()  # a process holds one SUMO; a worker started with 
 class DaskCluster:
     """An engine of the workers of a Dask cluster, which are best started with one thread each."""
 
-    def __init__(self, scheduler: str) -> None:
-        """Take a scheduler's address, for example tcp://10.0.0.1:8786."""
+    def __init__(self, scheduler: str, timeout: float = 10.0) -> None:
+        """Take what is needed to connect.
+
+        Args:
+            scheduler: its address, for example tcp://10.0.0.1:8786.
+            timeout: s, for the scheduler to answer and for the first worker to be there.
+        """
         self.scheduler = scheduler
+        self.timeout = timeout
 
     def run(self, jobs: Sequence[EpisodeJob], function: EpisodeFunction) -> Generator[Outcome, None, None]:
         """Carry out the jobs (study.jobs.Engine)."""
         if not jobs:
             return
-        with _connected(self.scheduler) as client:
+        with _connected(self.scheduler, self.timeout) as client:
             # Tables are tasks, not scattered data: when the workers that hold one die, Dask makes it again.
             tables = {path: client.submit(_content, path.read_bytes(), pure=False) for path in {j.table for j in jobs}}
             waiting = {
                 client.submit(_drive_remotely, job, tables[job.table], function, pure=False, priority=-number): job
                 for number, job in enumerate(jobs)
             }
-            for episode in _distributed().as_completed(list(waiting)):
+            for episode in _distributed().as_completed(list(waiting), loop=client.loop):
                 yield _outcome(waiting.pop(episode), episode, self.scheduler)
                 episode.release()
 
@@ -60,7 +64,7 @@ def _distributed() -> Any:
 
 
 @contextmanager
-def _connected(scheduler: str) -> Iterator[Any]:
+def _connected(scheduler: str, timeout: float) -> Iterator[Any]:
     """Yield a client of the scheduler, when it has a worker.
 
     Raises:
@@ -68,18 +72,18 @@ def _connected(scheduler: str) -> Iterator[Any]:
     """
     distributed = _distributed()
     try:
-        client = distributed.Client(scheduler, timeout=CONNECT_TIMEOUT, set_as_default=False)
+        client = distributed.Client(scheduler, timeout=timeout, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise WorkerError(
             f"no Dask scheduler answers at {scheduler} ({error}); start one with `dask scheduler`"
         ) from error
     with client:
         try:
-            client.wait_for_workers(1, timeout=CONNECT_TIMEOUT)
+            client.wait_for_workers(1, timeout=timeout)
         except TimeoutError as error:
             raise WorkerError(
                 f"the Dask scheduler at {scheduler} has no workers; start some with"
-                f" `dask worker {scheduler} --nworkers auto --nthreads 1`"
+                f" `dask worker {scheduler} --nworkers 2 --nthreads 1`"
             ) from error
         yield client
 

@@ -65,7 +65,7 @@ class StudyFolder:
         """
         if not (self.path / STUDY).is_file():
             require_free_folder(self.path)
-        elif not resume:
+        elif not resume and (self.path / EPISODES).exists():
             raise RunFolderError(
                 f"{self.path} already holds a study; add --resume to go on with it, or choose another --out"
             )

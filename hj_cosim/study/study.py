@@ -16,6 +16,7 @@ from hj_cosim.reachability.value_table import find_specification, load_table, ta
 from hj_cosim.study.cluster import DaskCluster
 from hj_cosim.study.design import StudyDesign, design_study, parse_variation
 from hj_cosim.study.driving import drive_episode
+from hj_cosim.study.figures import draw_figures
 from hj_cosim.study.folder import (
     COMPARISON,
     DIFFERENCES,
@@ -239,7 +240,7 @@ def write_tables(folder: StudyFolder, failures: tuple[Failure, ...] = ()) -> Stu
     write_csv(pd.DataFrame(wall_times), folder.path / WALL_TIMES)
     write_parquet(episodes, folder.path / EPISODES_TABLE)
     write_parquet(windows, folder.path / WINDOWS)
-    (folder.path / FIGURES).mkdir(exist_ok=True)
+    draw_figures(folder.path, folder.path / FIGURES)
     return study
 
 

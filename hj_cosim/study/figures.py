@@ -1,0 +1,39 @@
+"""The figures of a study's folder."""
+
+from pathlib import Path
+
+from hj_cosim.analysis.figures.density_sweep import density_sweep
+from hj_cosim.analysis.figures.gallery import read_study_table, scenario_densities
+from hj_cosim.analysis.figures.style import save_drawing
+from hj_cosim.analysis.figures.trade_off import trade_off
+from hj_cosim.study.folder import TABLE, WINDOWS
+from hj_cosim.study.tables import STACK_COLUMNS
+
+
+def draw_figures(study: Path, figures: Path) -> None:
+    """Draw the paper's trade-off for each scenario and setting, and what density does if there are several scenarios.
+
+    Args:
+        study: a study's folder with its tables.
+        figures: where to; made if it is not there.
+    """
+    figures.mkdir(exist_ok=True)
+    windows = read_study_table(study / WINDOWS)
+    if windows.empty:
+        return
+    factors = list(windows.columns[: windows.columns.get_loc(STACK_COLUMNS[0])])
+    varying = [name for name in factors if windows[name].nunique() > 1]
+    if not varying:
+        save_drawing(trade_off(windows), figures / "trade-off.png")
+        return
+    for values, own in windows.groupby(varying, sort=False):
+        name = "-".join(["trade-off", *(_part(key, value) for key, value in zip(varying, values, strict=True))])
+        save_drawing(trade_off(own), figures / f"{name}.png")
+    if varying == ["scenario"]:
+        save_drawing(
+            density_sweep(read_study_table(study / TABLE), scenario_densities(study)), figures / "density-sweep.png"
+        )
+
+
+def _part(key: str, value: object) -> str:
+    return str(value) if key == "scenario" else f"{key}={value}".replace("/", "_")

@@ -1,0 +1,119 @@
+"""The Dask engine against real scheduler and worker processes on the loopback interface."""
+
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Generator
+from pathlib import Path
+
+import pytest
+
+from hj_cosim.errors import WorkerError
+from hj_cosim.study.cluster import DaskCluster
+
+
+class LoopbackCluster:
+    """A scheduler and workers, each a process of its own that finds `synthetic_episodes`."""
+
+    def __init__(self, folder: Path, path: str) -> None:
+        self._folder = folder
+        self._environment = {**os.environ, "PYTHONPATH": path, "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "20s"}
+        self.processes: list[subprocess.Popen[bytes]] = []
+        scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+        self.address = self._await(scheduler, r"Scheduler at:\s+(tcp://\S+)")
+
+    def add_worker(self) -> subprocess.Popen[bytes]:
+        """Start a worker without a nanny, so that nothing replaces it when it is killed."""
+        log = self._start(
+            "worker", self.address, "--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1"
+        )
+        self._await(log, r"Registered to")
+        return self.processes[-1]
+
+    def stop(self) -> None:
+        for process in reversed(self.processes):
+            process.kill()
+            process.wait()
+
+    def _start(self, kind: str, *arguments: str) -> Path:
+        log = self._folder / f"{kind}-{len(self.processes)}.log"
+        with log.open("wb") as stream:
+            command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *arguments]
+            self.processes.append(
+                subprocess.Popen(command, stderr=stream, stdout=stream, env=self._environment, cwd=self._folder)
+            )
+        return log
+
+    def _await(self, log: Path, pattern: str) -> str:
+        for _ in range(1200):
+            if found := re.search(pattern, log.read_text()):
+                return found.group(found.re.groups)
+            time.sleep(0.05)
+        raise AssertionError(f"no {pattern!r} in {log.read_text()}")
+
+
+@pytest.fixture
+def start_cluster(synthetic, tmp_path) -> Generator[Callable[[], LoopbackCluster], None, None]:
+    started: list[LoopbackCluster] = []
+
+    def start() -> LoopbackCluster:
+        path = os.pathsep.join([str(Path(synthetic.__file__).parent), *filter(None, sys.path)])
+        started.append(LoopbackCluster(tmp_path, path))
+        return started[-1]
+
+    yield start
+    for cluster in started:
+        cluster.stop()
+
+
+def test_a_cluster_gives_the_same_files_though_a_worker_is_killed_half_way(
+    start_cluster, conduct_synthetic, reproducible_files, synthetic
+):
+    cluster = start_cluster()
+    cluster.add_worker()
+    doomed = cluster.add_worker()
+
+    def kill_half_way(done: int, total: int) -> None:
+        if done == total // 2:
+            doomed.kill()
+
+    study = conduct_synthetic(
+        "cluster", DaskCluster(cluster.address), function=synthetic.drive_slowly, progress=kill_half_way
+    )
+    assert doomed.wait() < 0
+    assert study.failures == ()
+    reference = conduct_synthetic("reference")
+    assert reproducible_files(study.folder) == reproducible_files(reference.folder)
+    for file in ("config.toml", "robot.parquet", "trajectories.parquet"):
+        one = "episodes/op-none/2"
+        assert (study.folder / one / file).read_bytes() == (reference.folder / one / file).read_bytes()
+    assert (study.folder / "episodes" / "op-none" / "2" / "figures").is_dir()
+
+
+def test_an_episode_that_fails_is_reported_and_the_others_go_on(start_cluster, conduct_synthetic, synthetic):
+    cluster = start_cluster()
+    cluster.add_worker()
+    study = conduct_synthetic("failing", DaskCluster(cluster.address), function=synthetic.drive_or_fail)
+    (failure,) = study.failures
+    assert (failure.stack, failure.seed) == ("op-none", synthetic.UNLUCKY_SEED)
+    assert failure.reason == "the traffic could not be settled"
+    study = conduct_synthetic("wrong", DaskCluster(cluster.address), function=synthetic.drive_or_be_wrong)
+    (failure,) = study.failures
+    assert failure.reason == "a worker of the cluster failed: ZeroDivisionError: a programming error"
+    assert "in drive_or_be_wrong" in failure.log.read_text()
+    assert list(study.table["missing"]) == [0, 1]
+
+
+def test_a_scheduler_without_workers_is_named_with_the_command_that_starts_some(start_cluster, conduct_synthetic):
+    cluster = start_cluster()
+    with pytest.raises(WorkerError, match=f"{cluster.address} has no workers; start some with"):
+        conduct_synthetic("study", DaskCluster(cluster.address, timeout=1.0))
+
+
+def test_a_scheduler_that_does_not_answer_is_named(conduct_synthetic):
+    with pytest.raises(WorkerError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:1 "):
+        conduct_synthetic("study", DaskCluster("tcp://127.0.0.1:1", timeout=1.0))
+    with pytest.raises(WorkerError, match="no Dask scheduler answers at nonsense"):
+        conduct_synthetic("study", DaskCluster("nonsense://x", timeout=1.0))
