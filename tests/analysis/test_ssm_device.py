@@ -19,7 +19,8 @@ ROUTES = """<routes>
     <vType id="car" carFollowModel="IDM" length="5" width="2" minGap="5" tau="1.5" accel="3" decel="5" maxSpeed="30"/>
     <route id="way" edges="highway"/>
     <vehicle id="lead" type="car" route="way" depart="0" departPos="180" departSpeed="12" departLane="0"/>
-    <vehicle id="robot" type="car" route="way" depart="0" departPos="100" departSpeed="25" insertionChecks="none">
+    <vehicle id="robot" type="car" route="way" depart="0" departPos="100" departSpeed="25" departLane="0"
+             insertionChecks="none">
         <param key="has.ssm.device" value="true"/>
         <param key="device.ssm.measures" value="TTC DRAC"/>
         <param key="device.ssm.thresholds" value="50 0.01"/>
