@@ -4,8 +4,9 @@ import contextlib
 import io
 import logging
 import math
+import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Self
 
@@ -47,6 +48,19 @@ ON_CENTRE_LINE = 1e-3
 log = logging.getLogger(__name__)
 if _libsumo_says.getvalue():
     log.info("libsumo: %s", " ".join(_libsumo_says.getvalue().split()))
+
+
+@contextlib.contextmanager
+def _stderr_into(path: Path) -> Iterator[None]:
+    """Send what this process, C++ included, writes to stderr into a file."""
+    with path.open("wb") as file:
+        terminal = os.dup(2)
+        os.dup2(file.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(terminal, 2)
+            os.close(terminal)
 
 
 class SumoWorld:
@@ -95,12 +109,20 @@ class SumoWorld:
         )
         self._folder = tempfile.TemporaryDirectory(prefix="hj-cosim-")
         self._sumo_log = Path(self._folder.name) / "sumo.log"
+        self._errors = Path(self._folder.name) / "errors.log"
         try:
             self._start(network, initial, seed)
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
-            reason = self._first_message() or str(error)
+            reason = self._first_error() or str(error)
             self.close()
             raise SimulationError(f"SUMO cannot run scenario {scenario.name} on {network}: {reason}") from error
+        inserted = libsumo.vehicle.getIDCount() - 1
+        if inserted != len(self.vehicle_names):
+            self.close()
+            raise SimulationError(
+                f"SUMO inserted {inserted} of the {len(self.vehicle_names)} cars of scenario {scenario.name}"
+                f" on {network}; its log tells why"
+            )
         self._take_stock(initial, seed)
 
     def _start(self, network: Path, initial: InitialTraffic, seed: int) -> None:
@@ -110,13 +132,9 @@ class SumoWorld:
             routes, self._edge, initial, self.vehicle_names, self._robot_driver, ROBOT, robot.length, robot.width,
             self.road.lane_at(initial.robot[1]),
         )  # fmt: skip
-        libsumo.start(command_line(network, routes, self._sumo_log, self._step, seed))
-        libsumo.simulationStep()  # time 0: everyone is inserted, nobody has moved
-        if libsumo.vehicle.getIDCount() != len(self.vehicle_names) + 1:
-            raise SimulationError(
-                f"SUMO inserted {libsumo.vehicle.getIDCount() - 1} of {len(self.vehicle_names)} cars;"
-                f" its first warning was: {self._first_message()}"
-            )
+        with _stderr_into(self._errors):  # what SUMO finds wrong is told by our own error
+            libsumo.start(command_line(network, routes, self._sumo_log, self._step, seed))
+            libsumo.simulationStep()  # time 0: everyone is inserted, nobody has moved
         for name in self.vehicle_names:
             libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE)
         libsumo.vehicle.setLaneChangeMode(ROBOT, NO_LANE_CHANGES)
@@ -317,14 +335,10 @@ class SumoWorld:
                      "_second_lane", "_length", "_front_offset", "_width", "_all_drivers"):  # fmt: skip
             setattr(self, name, getattr(self, name)[stays])
 
-    def _first_message(self) -> str:
-        """Return the first of SUMO's warnings and errors, in one line; empty if there is none."""
-        lines = (
-            self._sumo_log.read_text(encoding="utf-8", errors="replace").splitlines()
-            if self._sumo_log.is_file()
-            else []
-        )
-        return lines[0].removeprefix("Error: ").removeprefix("Warning: ") if lines else ""
+    def _first_error(self) -> str:
+        """Return the first thing that SUMO complained of while starting, in one line; empty if there is none."""
+        lines = self._errors.read_text(encoding="utf-8", errors="replace").splitlines()
+        return lines[0].removeprefix("Error: ") if lines else ""
 
     def close(self) -> None:
         """End SUMO and pass its warnings on to the log."""
