@@ -11,6 +11,7 @@ from hj_cosim.reachability.solver import Progress
 from hj_cosim.reachability.value_table import ValueTable, solve_table
 
 _NEAR = 5.0  # |V| within which differences matter
+_WENO5_COST = 10.0  # at most, in units of a cheaper scheme's time
 
 
 @dataclass(frozen=True)
@@ -95,21 +96,19 @@ def finer_specifications(table: ValueTable, seconds: float) -> list[tuple[str, T
     """Return what the table is worth comparing with, in at most `seconds` of solving."""
     specification, grid = table.specification, table.grid
     whole = grid.refined(1.5).shape
-    candidates = []
-    if specification.scheme != "weno5":
-        higher = specification.model_copy(update={"scheme": "weno5", "runge_kutta": None})
-        candidates.append(("weno5", higher, 10.0 * table.report.seconds))
-    if _cost(table, whole) <= seconds:
-        candidates.append(("all axes", _with_shape(specification, whole), _cost(table, whole)))
-    else:
-        for axis, name in enumerate(table.dynamics.state):
-            shape = tuple(whole[k] if k == axis else nodes for k, nodes in enumerate(grid.shape))
-            candidates.append((name, _with_shape(specification, shape), _cost(table, shape)))
     chosen = []
-    for what, finer, cost in candidates:
-        if cost <= seconds:
-            chosen.append((what, finer))
-            seconds -= cost
+    if specification.scheme != "weno5" and _WENO5_COST * table.report.seconds <= seconds:
+        chosen.append(
+            ("weno5", specification.model_copy(update={"scheme": "weno5", "runge_kutta": None, "margin": 0.0}))
+        )
+        seconds -= _WENO5_COST * table.report.seconds
+    if _cost(table, whole) <= seconds:
+        return [*chosen, ("all axes", _with_shape(specification, whole))]
+    for axis, name in enumerate(table.dynamics.state):
+        shape = tuple(whole[k] if k == axis else nodes for k, nodes in enumerate(grid.shape))
+        if _cost(table, shape) <= seconds:
+            chosen.append((name, _with_shape(specification, shape)))
+            seconds -= _cost(table, shape)
     return chosen
 
 

@@ -1,0 +1,33 @@
+import sys
+from pathlib import Path
+
+import pytest
+
+from hj_cosim.config import GridSettings, TableSpecification
+from hj_cosim.reachability.value_table import ValueTable, read_specification, solve_table
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+
+FIXTURES = HERE / "fixtures"
+
+
+@pytest.fixture(scope="session")
+def highway_small() -> TableSpecification:
+    return read_specification(FIXTURES / "highway_small.toml")
+
+
+@pytest.fixture(scope="session")
+def small_table(highway_small: TableSpecification) -> ValueTable:
+    return solve_table(highway_small)
+
+
+@pytest.fixture
+def braking() -> TableSpecification:
+    """The double integrator on a small grid."""
+    return TableSpecification(
+        dynamics="double_integrator",
+        grid=GridSettings(lower=(-4.0, -2.0), upper=(4.0, 2.0), shape=(61, 41)),
+        horizon=1.0,
+        scheme="first_order",
+    )

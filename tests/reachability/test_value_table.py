@@ -1,0 +1,207 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_systems import USER_DYNAMICS
+
+from hj_cosim.config import TableSpecification
+from hj_cosim.errors import ConfigurationError, TableError
+from hj_cosim.reachability import value_table
+from hj_cosim.reachability.lookup import values_and_gradients
+from hj_cosim.reachability.value_table import ValueTable, load_table, read_specification, solve_table
+
+SPECIFICATION = """
+dynamics = "double_integrator"
+horizon = 0.5
+scheme = "first_order"
+
+[grid]
+lower = [-4.0, -2.0]
+upper = [4.0, 2.0]
+shape = [21, 11]
+"""
+
+
+@pytest.fixture
+def specification_file(tmp_path: Path) -> Path:
+    path = tmp_path / "braking.toml"
+    path.write_text(SPECIFICATION)
+    return path
+
+
+def test_a_table_comes_back_from_its_file_as_it_was(tmp_path: Path, braking: TableSpecification) -> None:
+    table = solve_table(braking)
+    table.save(tmp_path / "table.npz")
+    back = ValueTable.load(tmp_path / "table.npz")
+    assert np.array_equal(back.values, table.values)
+    assert back.specification == table.specification
+    assert back.report == table.report
+
+
+def test_the_file_holds_what_scripts_rely_on(tmp_path: Path, braking: TableSpecification) -> None:
+    solve_table(braking).save(tmp_path / "table.npz")
+    with np.load(tmp_path / "table.npz") as content:
+        assert set(content.files) == {"values", "axis0", "axis1", "spec", "report"}
+        assert content["values"].dtype == np.float32
+        assert content["axis0"].dtype == np.float64
+        assert content["values"].shape == (len(content["axis0"]), len(content["axis1"]))
+        assert json.loads(str(content["spec"]))["dynamics"] == "double_integrator"
+        report = json.loads(str(content["report"]))
+    wanted = {
+        "shape",
+        "scheme",
+        "horizon",
+        "steps",
+        "seconds",
+        "cell_updates_per_second",
+        "peak_memory_mib",
+        "residual",
+    }
+    assert wanted | {"versions", "checksum", "specification_hash"} <= set(report)
+
+
+def test_a_table_is_solved_once_and_then_loaded(specification_file: Path) -> None:
+    steps: list[int] = []
+    first = load_table(str(specification_file), lambda done, _: steps.append(done))
+    assert steps
+    steps.clear()
+    second = load_table(str(specification_file), lambda done, _: steps.append(done))
+    assert not steps
+    assert np.array_equal(first.values, second.values)
+
+
+def test_a_changed_specification_is_solved_again(specification_file: Path) -> None:
+    before = load_table(str(specification_file))
+    specification_file.write_text(SPECIFICATION.replace("horizon = 0.5", "horizon = 1.0"))
+    after = load_table(str(specification_file))
+    assert after.report.horizon == 1.0
+    assert not np.array_equal(before.values, after.values)
+
+
+def test_a_changed_description_is_not_solved_again(specification_file: Path) -> None:
+    load_table(str(specification_file))
+    specification_file.write_text('description = "new words"\n' + SPECIFICATION)
+    steps: list[int] = []
+    load_table(str(specification_file), lambda done, _: steps.append(done))
+    assert not steps
+
+
+def test_an_altered_table_is_refused(specification_file: Path) -> None:
+    load_table(str(specification_file))
+    kept = specification_file.with_suffix(".npz")
+    with np.load(kept) as content:
+        arrays = {name: content[name] for name in content.files}
+    arrays["values"] = arrays["values"] + np.float32(0.5)
+    np.savez(kept, **arrays)
+    with pytest.raises(TableError, match="altered"):
+        load_table(str(specification_file))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_a_truncated_table_is_refused(specification_file: Path, share: float) -> None:
+    load_table(str(specification_file))
+    kept = specification_file.with_suffix(".npz")
+    kept.write_bytes(kept.read_bytes()[: int(share * kept.stat().st_size)])
+    with pytest.raises(TableError, match="not a whole value table"):
+        load_table(str(specification_file))
+
+
+def test_an_interrupted_solve_leaves_no_file(specification_file: Path) -> None:
+    def interrupt(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        load_table(str(specification_file), interrupt)
+    assert [path.name for path in specification_file.parent.iterdir()] == ["braking.toml"]
+
+
+def test_a_missing_table_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(TableError, match="there is no table"):
+        ValueTable.load(tmp_path / "nothing.npz")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "complaint"),
+    [
+        ("shape = [21, 11, 5]", "one entry per axis"),
+        ("shape = [21, 2]", "7 or more"),
+        ("shape = [21, 11]\nsize = 3", "unknown key"),
+    ],
+)
+def test_a_wrong_grid_is_refused_in_a_sentence(specification_file: Path, wrong: str, complaint: str) -> None:
+    specification_file.write_text(SPECIFICATION.replace("shape = [21, 11]", wrong))
+    with pytest.raises(ConfigurationError, match=complaint):
+        read_specification(specification_file)
+
+
+def test_a_grid_of_another_dimension_than_the_game_is_refused(specification_file: Path) -> None:
+    text = SPECIFICATION.replace('"double_integrator"', '"air3d"')
+    specification_file.write_text(text)
+    with pytest.raises(ConfigurationError, match="air3d has 3 axes"):
+        read_specification(specification_file)
+
+
+def test_the_margin_lowers_every_value(braking: TableSpecification) -> None:
+    plain = solve_table(braking).values
+    careful = solve_table(braking.model_copy(update={"margin": 0.25})).values
+    assert careful == pytest.approx(plain - 0.25)
+
+
+def test_a_user_game_is_solved_from_its_own_file(tmp_path: Path) -> None:
+    (tmp_path / "walker.py").write_text(USER_DYNAMICS)
+    text = SPECIFICATION.replace('"double_integrator"', '"walker.py"').replace("horizon = 0.5", "horizon = 5.0")
+    (tmp_path / "walker.toml").write_text(text)
+    table = load_table(str(tmp_path / "walker.toml"))
+    # Nobody chases the walker, who can always stand further away than where it starts: V = V0.
+    states = np.array([[0.0, 0.0], [1.0, 1.0], [-3.0, 0.0]])
+    assert table.value(states) == pytest.approx(table.target_values(states), abs=1e-4)
+    assert table.optimal_control(np.array([[1.0, 0.0], [-1.0, 0.0]]))[:, 0] == pytest.approx([1.0, -1.0])
+    (tmp_path / "walker.py").write_text(USER_DYNAMICS.replace('"radius": 0.5', '"radius": 0.75'))
+    assert load_table(str(tmp_path / "walker.toml")).value(states)[0] == pytest.approx(-0.75)
+
+
+def test_the_general_and_the_fast_look_up_agree(small_table: ValueTable) -> None:
+    grid = small_table.grid
+    states = np.random.default_rng(0).uniform(np.array(grid.lower) * 1.1, np.array(grid.upper) * 1.1, (300, 5))
+    fast_values, fast_gradients = values_and_gradients(small_table.arrays, states)
+    values, gradients = small_table.value_and_gradient(states)
+    assert np.isinf(values).any()
+    finite = np.isfinite(values)
+    assert np.array_equal(finite, np.isfinite(fast_values))
+    assert fast_values[finite] == pytest.approx(values[finite], rel=1e-5, abs=1e-3)
+    assert fast_gradients == pytest.approx(gradients, rel=1e-3, abs=1e-2)
+    assert not small_table.in_grid(states[~finite]).any()
+
+
+def test_a_periodic_look_up_wraps() -> None:
+    specification = TableSpecification.model_validate(
+        {
+            "dynamics": "air3d",
+            "grid": {"lower": (-6, -10, 0), "upper": (20, 10, 2 * np.pi), "shape": (14, 11, 12)},
+            "horizon": 0.2,
+            "scheme": "first_order",
+        }
+    )
+    table = solve_table(specification)
+    turns = np.array([[3.0, 2.0, 0.1 + turn * 2 * np.pi] for turn in (-1, 0, 1)])
+    assert table.value(turns) == pytest.approx(np.full(3, table.value(turns)[1]), abs=1e-5)
+
+
+def test_only_the_highway_game_serves_planner_and_filter(braking: TableSpecification) -> None:
+    with pytest.raises(TableError, match="planning and filtering need"):
+        _ = solve_table(braking).arrays
+
+
+def test_the_optimal_control_turns_away_and_the_disturbance_closes_in(small_table: ValueTable) -> None:
+    alongside = np.array([[0.0, 3.5, 0.0, 20.0, 20.0]])
+    omega, _ = small_table.optimal_control(alongside)[0]
+    theta_o, _ = small_table.optimal_disturbance(alongside)[0]
+    assert omega == pytest.approx(0.3)
+    assert theta_o > 0.0
+
+
+def test_every_specification_that_comes_with_the_package_is_valid() -> None:
+    folder = value_table.locations.specifications_folder()
+    for path in folder.glob("*.toml"):
+        assert read_specification(path).grid.shape
