@@ -66,11 +66,24 @@ def worst_drift(gradient: np.ndarray, heading: float, speed: float, other_speed:
 
 
 @njit(cache=True)
+def all_finite(robot: np.ndarray, x: np.ndarray, y: np.ndarray, heading: np.ndarray, speed: np.ndarray) -> bool:
+    """Return whether an observation's robot (4,) and other cars' states (J,) are free of NaN and infinity."""
+    for i in range(4):
+        if not math.isfinite(robot[i]):
+            return False
+    for j in range(len(x)):
+        if not (math.isfinite(x[j]) and math.isfinite(y[j]) and math.isfinite(heading[j]) and math.isfinite(speed[j])):
+            return False
+    return True
+
+
+@njit(cache=True)
 def hji_rows(
     table: TableArrays,
     robot: np.ndarray,
     x: np.ndarray,
     y: np.ndarray,
+    heading: np.ndarray,
     speed: np.ndarray,
     epsilon: float,
     other: Disturbance,
@@ -83,18 +96,20 @@ def hji_rows(
     Args:
         table: the value table's arrays.
         robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
-        x, y, speed: (J,) m, m, m/s, of the other cars.
+        x, y, heading, speed: (J,) m, m, rad, m/s, of the other cars.
         epsilon: ε, m; −inf for no rows.
         other: limits of the other car's controls.
 
     Returns:
-        the cars in K, (K,) int indices; their rows (K, 4) as V, p, q, c; the least V of all cars (+inf if none
-        is within the table); the index of its car, −1 if none.
+        the cars in K, (K,) int indices; their rows, (4, K), V, p, q, c; the least V of all cars, +inf if none
+        is within the table, NaN if the observation or a row is not finite; the index of its car, −1 if none.
     """
     cars = np.empty(len(x), dtype=np.int64)
-    rows = np.empty((len(x), 4))
+    rows = np.empty((4, len(x)))
     gradient = np.empty(5)
     count, least, nearest = 0, math.inf, -1
+    if not all_finite(robot, x, y, heading, speed):
+        return cars[:0], rows[:, :0], math.nan, -1
     for j in range(len(x)):
         p_x, p_y = robot[0] - x[j], robot[1] - y[j]
         value = value_at(table, p_x, p_y, robot[2], robot[3], speed[j])
@@ -104,21 +119,11 @@ def hji_rows(
             continue
         value_and_gradient_at(table, p_x, p_y, robot[2], robot[3], speed[j], gradient)
         cars[count] = j
-        rows[count, 0] = value
-        rows[count, 1] = gradient[2]
-        rows[count, 2] = gradient[3]
-        rows[count, 3] = worst_drift(gradient, robot[2], robot[3], speed[j], other)
+        rows[0, count] = value
+        rows[1, count] = gradient[2]
+        rows[2, count] = gradient[3]
+        rows[3, count] = worst_drift(gradient, robot[2], robot[3], speed[j], other)
+        if not math.isfinite(value + rows[1, count] + rows[2, count] + rows[3, count]):
+            return cars[:0], rows[:, :0], math.nan, -1
         count += 1
-    return cars[:count], rows[:count], least, nearest
-
-
-@njit(cache=True)
-def all_finite(robot: np.ndarray, x: np.ndarray, y: np.ndarray, heading: np.ndarray, speed: np.ndarray) -> bool:
-    """Return whether an observation's robot (4,) and other cars' states (J,) are free of NaN and infinity."""
-    for i in range(4):
-        if not math.isfinite(robot[i]):
-            return False
-    for j in range(len(x)):
-        if not (math.isfinite(x[j]) and math.isfinite(y[j]) and math.isfinite(heading[j]) and math.isfinite(speed[j])):
-            return False
-    return True
+    return cars[:count], rows[:, :count], least, nearest

@@ -125,10 +125,10 @@ def rss_rows(
         memory: (N,) int, which directions were safe when pair n was last not dangerous; written.
 
     Returns:
-        (R,) int, the car of each row (a car has up to two); (R, 3) the rows as p, q, c; the dangerous cars' number.
+        (R,) int, the car of each row (a car has up to two); (3, R) the rows' p, q, c; the dangerous cars' number.
     """
     cars = np.empty(2 * len(x), dtype=np.int64)
-    rows = np.empty((2 * len(x), 3))
+    rows = np.empty((3, 2 * len(x)))
     count, dangerous = 0, 0
     cos, sin = math.cos(robot[2]), math.sin(robot[2])
     for j in range(len(x)):
@@ -143,15 +143,15 @@ def rss_rows(
         if before & LONGITUDINALLY_SAFE or overlapping:
             sign = 1.0 if robot[0] > x[j] else -1.0
             cars[count] = j
-            rows[count, 0] = -sign * robot[3] * sin
-            rows[count, 1] = sign * cos
-            rows[count, 2] = rss.brake_max if sign > 0.0 else -rss.brake_min
+            rows[0, count] = -sign * robot[3] * sin
+            rows[1, count] = sign * cos
+            rows[2, count] = rss.brake_max if sign > 0.0 else -rss.brake_min
             count += 1
         if before & LATERALLY_SAFE:
             sign = 1.0 if d_y > 0.0 else -1.0
             cars[count] = j
-            rows[count, 0] = sign * robot[3] * cos
-            rows[count, 1] = sign * sin
-            rows[count, 2] = -rss.lateral_brake
+            rows[0, count] = sign * robot[3] * cos
+            rows[1, count] = sign * sin
+            rows[2, count] = -rss.lateral_brake
             count += 1
-    return cars[:count], rows[:count], dangerous
+    return cars[:count], rows[:, :count], dangerous

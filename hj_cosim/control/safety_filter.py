@@ -6,14 +6,15 @@ road; where only the desired control is not finite, it filters that control inst
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections import Counter
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from hj_cosim.config import FilterSettings, RobotSettings
-from hj_cosim.control.hji_rows import Disturbance, all_finite, hji_rows
+from hj_cosim.control.hji_rows import Disturbance, hji_rows
 from hj_cosim.control.rss_rows import NEVER_SEEN, Response, rss_rows
 from hj_cosim.control.safety_problem import SafetyRows, SafetySolver, available_controls, least_slack
 from hj_cosim.reachability.value_table import ValueTable
@@ -84,6 +85,15 @@ def make_filter(settings: FilterSettings, robot: RobotSettings, table: ValueTabl
     return SafetyPreservingFilter(settings, robot, table, step)
 
 
+class _Sight(NamedTuple):
+    """What the table says about the cars around."""
+
+    cars: np.ndarray  # (K,) int, indices of the cars in K
+    rows: np.ndarray  # (4, K) V, p, q, c
+    value: float  # m, the least V of all cars
+    value_vehicle: int
+
+
 class _Door:
     """What all filters share: the limits, the look-up, and the guard against what is not finite."""
 
@@ -105,36 +115,38 @@ class _Door:
         omega = -heading / STRAIGHTENING_TIME if math.isfinite(heading) else 0.0
         return self._within_limits(Control(omega, self._robot.acceleration_min))
 
-    def _admit(self, observation: Observation, desired: Control) -> Control | None:
-        """Return the desired control within the limits, or None when the observation cannot be judged."""
-        seen = observation
-        if not all_finite(seen.robot, seen.x, seen.y, seen.heading, seen.speed):
-            self.counts["could not judge"] += 1
-            return None
+    def _wanted(self, observation: Observation, desired: Control) -> Control:
+        """Return the desired control within the limits; braking where it is not finite."""
         if not math.isfinite(desired.omega + desired.acceleration):
             self.counts["desired not finite"] += 1
-            return self._brake_in_lane(observation.robot[2])
+            return self._brake_in_lane(float(observation.robot[2]))
         return self._within_limits(desired)
 
-    def _values(self, observation: Observation, epsilon: float) -> tuple[np.ndarray, np.ndarray, float, int]:
-        """Return cars in K, rows (V, p, q, c), the least V and its car's number."""
+    def _look(self, observation: Observation, epsilon: float) -> _Sight | None:
+        """Return what the table says about all cars, or None where it cannot be judged."""
         cars, rows, value, nearest = hji_rows(
             self._arrays,
             observation.robot,
             observation.x,
             observation.y,
+            observation.heading,
             observation.speed,
             epsilon,
             self._disturbance,
         )
-        return cars, rows, value, NOBODY if nearest < 0 else int(observation.vehicle[nearest])
+        if math.isnan(value):
+            self.counts["could not judge"] += 1
+            return None
+        return _Sight(cars, rows, value, NOBODY if nearest < 0 else int(observation.vehicle[nearest]))
 
     def _unjudged(self, observation: Observation) -> FilterResult:
         control = self._brake_in_lane(float(observation.robot[2]))
         return FilterResult(control, control, math.inf, NOBODY, 0, False, 0.0, 0.0, _NO_ROWS, self._limits, "")
 
-    def _unfiltered(self, desired: Control, value: float, value_vehicle: int) -> FilterResult:
-        return FilterResult(desired, desired, value, value_vehicle, 0, False, 0.0, 0.0, _NO_ROWS, self._limits, "")
+    def _unfiltered(self, wanted: Control, sight: _Sight) -> FilterResult:
+        return FilterResult(
+            wanted, wanted, sight.value, sight.value_vehicle, 0, False, 0.0, 0.0, _NO_ROWS, self._limits, ""
+        )
 
 
 class NoFilter(_Door):
@@ -142,14 +154,13 @@ class NoFilter(_Door):
 
     def filter(self, observation: Observation, desired: Control) -> FilterResult:
         """Return the desired control; see SafetyFilter."""
-        wanted = self._admit(observation, desired)
-        if wanted is None:
+        sight = self._look(observation, -math.inf)
+        if sight is None:
             return self._unjudged(observation)
-        _, _, value, value_vehicle = self._values(observation, -math.inf)
-        return self._unfiltered(wanted, value, value_vehicle)
+        return self._unfiltered(self._wanted(observation, desired), sight)
 
 
-class _Intervening(_Door):
+class _Intervening(_Door, ABC):
     """A filter with rows: solves the problem whenever there are any."""
 
     def __init__(self, settings: FilterSettings, robot: RobotSettings, table: ValueTable) -> None:
@@ -158,28 +169,44 @@ class _Intervening(_Door):
         self._solver = SafetySolver(settings, robot, self.counts)
         self._previous_omega = 0.0
 
+    def filter(self, observation: Observation, desired: Control) -> FilterResult:
+        """Return the control nearest to the desired one that keeps the rows; see SafetyFilter."""
+        sight = self._look(observation, self._epsilon())
+        if sight is None:
+            result = self._unjudged(observation)
+        else:
+            wanted = self._wanted(observation, desired)
+            rows, constraints = self._rows(observation, sight)
+            if constraints == 0:
+                result = self._unfiltered(wanted, sight)
+            else:
+                result = self._solve(rows, constraints, wanted, self._available(observation.robot), sight)
+        self._previous_omega = result.control.omega
+        return result
+
+    @abstractmethod
+    def _epsilon(self) -> float:
+        """Return up to which V a car needs a row of the table."""
+
+    @abstractmethod
+    def _rows(self, observation: Observation, sight: _Sight) -> tuple[SafetyRows, int]:
+        """Return the rows, and the number of cars that they are about."""
+
+    def _available(self, robot: np.ndarray) -> np.ndarray:
+        """Return the controls within which the rows are to be met, (4,)."""
+        return self._limits
+
     def _solve(
-        self,
-        rows: SafetyRows,
-        constraints: int,
-        wanted: Control,
-        box: np.ndarray,
-        value: float,
-        value_vehicle: int,
+        self, rows: SafetyRows, constraints: int, wanted: Control, box: np.ndarray, sight: _Sight
     ) -> FilterResult:
-        """Return the result for a set K; the desired control itself where K is empty."""
-        if constraints == 0:
-            self._previous_omega = wanted.omega
-            return self._unfiltered(wanted, value, value_vehicle)
         # SW holds the steering instead of following the desired one (paper, section HJI Safety Controller).
         omega = self._previous_omega if self._settings.scheme == "sw" else wanted.omega
         solution = self._solver.solve(rows, omega, wanted.acceleration, box)
-        self._previous_omega = solution.omega
         return FilterResult(
             control=Control(solution.omega, solution.acceleration),
             desired=wanted,
-            value=value,
-            value_vehicle=value_vehicle,
+            value=sight.value,
+            value_vehicle=sight.value_vehicle,
             constraints=constraints,
             intervening=True,
             slack=solution.slack,
@@ -189,34 +216,37 @@ class _Intervening(_Door):
             backend=solution.backend,
         )
 
-    def _cannot_judge(self, observation: Observation) -> FilterResult:
-        result = self._unjudged(observation)
-        self._previous_omega = result.control.omega
-        return result
-
 
 class SafetyPreservingFilter(_Intervening):
     """SPC, the paper's multi-agent safety-preserving control."""
 
     def __init__(self, settings: FilterSettings, robot: RobotSettings, table: ValueTable, step: float) -> None:
         super().__init__(settings, robot, table)
-        heading_lower, heading_upper = table.grid.lower[2], table.grid.upper[2]
-        self._bounds = np.array([heading_lower, heading_upper, 0.0, robot.speed_max])
+        self._bounds = np.array([table.grid.lower[2], table.grid.upper[2], 0.0, robot.speed_max])
         self._step = step
+        # Within these, no control leads beyond the bounds in one step, and the limits themselves are available.
+        turn = robot.omega_max * step
+        self._free_heading = (self._bounds[0] + turn, self._bounds[1] - turn)
+        self._free_speed = (-robot.acceleration_min * step, robot.speed_max - robot.acceleration_max * step)
 
-    def filter(self, observation: Observation, desired: Control) -> FilterResult:
-        """Return the control nearest to the desired one that lets no V in K decrease; see SafetyFilter."""
-        wanted = self._admit(observation, desired)
-        if wanted is None:
-            return self._cannot_judge(observation)
-        cars, rows, value, value_vehicle = self._values(observation, self._settings.epsilon)
-        if not np.isfinite(rows).all():
-            self.counts["could not judge"] += 1
-            return self._cannot_judge(observation)
-        safety_rows = SafetyRows(observation.vehicle[cars], rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3])
-        state = observation.robot
-        box = available_controls(self._limits, state[2], state[3], self._bounds, self._step)
-        return self._solve(safety_rows, len(cars), wanted, box, value, value_vehicle)
+    def _epsilon(self) -> float:
+        return self._settings.epsilon
+
+    def _rows(self, observation: Observation, sight: _Sight) -> tuple[SafetyRows, int]:
+        """Return the rows of the cars with V <= ε: no V of theirs may decrease."""
+        if len(sight.cars) == 0:
+            return _NO_ROWS, 0
+        value, p, q, c = sight.rows
+        return SafetyRows(observation.vehicle[sight.cars], value, p, q, c), len(sight.cars)
+
+    def _available(self, robot: np.ndarray) -> np.ndarray:
+        heading, speed = float(robot[2]), float(robot[3])
+        if (
+            self._free_heading[0] <= heading <= self._free_heading[1]
+            and self._free_speed[0] <= speed <= self._free_speed[1]
+        ):
+            return self._limits
+        return available_controls(self._limits, heading, speed, self._bounds, self._step)
 
 
 class RssFilter(_Intervening):
@@ -228,13 +258,12 @@ class RssFilter(_Intervening):
         self._size = np.array([robot.length, robot.width])
         self._memory = np.full(64, NEVER_SEEN, dtype=np.int64)
 
-    def filter(self, observation: Observation, desired: Control) -> FilterResult:
-        """Return the control nearest to the desired one that responds to all dangerous cars; see SafetyFilter."""
-        wanted = self._admit(observation, desired)
-        if wanted is None:
-            return self._cannot_judge(observation)
-        _, _, value, value_vehicle = self._values(observation, -math.inf)
-        self._remember_all(observation.vehicle)
+    def _epsilon(self) -> float:
+        return -math.inf
+
+    def _rows(self, observation: Observation, sight: _Sight) -> tuple[SafetyRows, int]:
+        """Return the proper response's rows, and the number of dangerous cars."""
+        self._make_room(observation.vehicle)
         cars, rows, dangerous = rss_rows(
             observation.robot,
             self._size,
@@ -248,11 +277,13 @@ class RssFilter(_Intervening):
             self._response,
             self._memory,
         )
-        safety_rows = SafetyRows(observation.vehicle[cars], np.zeros(len(cars)), rows[:, 0], rows[:, 1], rows[:, 2])
-        return self._solve(safety_rows, dangerous, wanted, self._limits, value, value_vehicle)
+        if dangerous == 0:
+            return _NO_ROWS, 0
+        p, q, c = rows
+        return SafetyRows(observation.vehicle[cars], np.zeros(len(cars)), p, q, c), dangerous
 
-    def _remember_all(self, vehicle: np.ndarray) -> None:
-        """Make room in the memory for all numbers seen."""
+    def _make_room(self, vehicle: np.ndarray) -> None:
+        """Let the memory hold all numbers seen."""
         highest = int(vehicle.max(initial=-1))
         if highest >= len(self._memory):
             longer = np.full(2 * (highest + 1), NEVER_SEEN, dtype=np.int64)

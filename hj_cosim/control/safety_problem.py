@@ -246,19 +246,15 @@ def _scaled_problem(
     q: np.ndarray,
     desired: tuple[float, float],
     scale: tuple[float, float],
-    box: np.ndarray,
     tie: float,
     slack_weight: float,
-    lowest_slack: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the linear cost, the inequality's matrix (K, 3) and both bounds over (ω, a, t), in units of `scale`."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the linear cost (3,) and the inequality's matrix (K, 3) over (ω, a, t), in units of `scale`."""
     linear = np.array([-2.0 * desired[0] / scale[0], -2.0 * tie * desired[1] / scale[1], slack_weight])
     inequality = np.empty((len(p), 3))
     for k in range(len(p)):
         inequality[k, 0], inequality[k, 1], inequality[k, 2] = -p[k] * scale[0], -q[k] * scale[1], -1.0
-    lower = np.array([box[0] / scale[0], box[2] / scale[1], lowest_slack])
-    upper = np.array([box[1] / scale[0], box[3] / scale[1], math.inf])
-    return linear, inequality, lower, upper
+    return linear, inequality
 
 
 @njit(cache=True)
@@ -336,6 +332,8 @@ class SafetySolver:
         self._cost = np.diag([2.0, 2.0 * self._tie, 0.0])
         self._sparse_cost = csc_matrix(self._cost)
         self._regular_cost = np.diag([2.0, 2.0 * self._tie, _QUADPROG_REGULARISATION * self.weights.slack])
+        self._last_box = np.empty(0)
+        self._bounds = (np.empty(0), np.empty(0))
         self._lowest_slack = -math.inf if self.weights.slack_is_free else 0.0
 
     def solve(
@@ -348,16 +346,15 @@ class SafetySolver:
             desired_omega, desired_acceleration: rad/s, m/s²; finite, in the box or not.
             box: (4,) lower and upper ω, lower and upper a.
         """
-        linear, inequality, lower, upper = _scaled_problem(
+        linear, inequality = _scaled_problem(
             rows.p,
             rows.q,
             (desired_omega, desired_acceleration),
             self._scale,
-            box,
             self._tie,
             self.weights.slack,
-            self._lowest_slack,
         )
+        lower, upper = self._scaled_bounds(box)
         for backend in self.backends:
             point = self._answer_of(backend, linear, inequality, rows.c, lower, upper)
             if point is not None:
@@ -377,6 +374,16 @@ class SafetySolver:
             box,
         )
         return SafetySolution(omega, acceleration, slack, ENUMERATION)
+
+    def _scaled_bounds(self, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return both bounds over (ω, a, t), in units of the scale; the last ones again while the box is the same."""
+        if box is not self._last_box:
+            self._last_box = box
+            self._bounds = (
+                np.array([box[0] / self._scale[0], box[2] / self._scale[1], self._lowest_slack]),
+                np.array([box[1] / self._scale[0], box[3] / self._scale[1], math.inf]),
+            )
+        return self._bounds
 
     def objective(self, rows: SafetyRows, desired: tuple[float, float], control: tuple[float, float]) -> float:
         """Return the cost of a control (ω, a), with the t that it needs; `desired` likewise."""

@@ -33,7 +33,7 @@ def respond(observe, frames, parameters=AD_RSS, memory=None):
             seen.robot, SIZE, seen.vehicle, seen.x, seen.y, seen.heading, seen.speed, seen.length, seen.width,
             Response.of(parameters), memory,
         )  # fmt: skip
-    return rows, dangerous
+    return rows.T, dangerous
 
 
 def bounds_of(rows, along, across):
