@@ -27,6 +27,8 @@ BEHIND, AHEAD = 50.0, 100.0  # m in view
 WIDTH = 900  # pixels
 HEADER, STRIP, MARGIN = 24, 64, 10  # pixels
 OVERSAMPLING = 2  # drawn this much larger, then averaged, for smooth edges
+FLASH = 10  # samples around an intervention that are marked
+PALE_INTERVENTION = "#F8F3B8"
 VALUE_RANGE = (-10.0, 30.0)  # m, of the value's strip
 
 Progress = Callable[[int, int], None]
@@ -103,6 +105,10 @@ class FrameArtist:
         self._draw_cursor(draw, sample)
         return image.reduce(OVERSAMPLING).crop((0, 0, *self.size))
 
+    def _flashes(self, sample: int) -> bool:
+        """Return whether the filter intervenes about now: what goes on and off from step to step must not flicker."""
+        return bool(self._run.record.robot.intervening[max(sample - FLASH, 0) : sample + FLASH + 1].any())
+
     def _to_pixels(self, points: np.ndarray, sample: int) -> np.ndarray:
         """Return pixels (..., 2) of road coordinates (..., 2), the robot at its fixed place."""
         robot, road = self._run.record.robot, self._run.record.road
@@ -116,7 +122,7 @@ class FrameArtist:
         value = record.robot.value[sample]
         shown = f"{value:6.1f} m" if np.isfinite(value) else "nobody near"
         text = f"t = {record.time[sample]:5.2f} s    v = {record.robot.speed[sample]:5.2f} m/s    V = {shown}"
-        if record.robot.intervening[sample]:
+        if self._flashes(sample):
             draw.rectangle((0, 0, self._size[0], HEADER * OVERSAMPLING), fill=style.INTERVENTION)
             text += "    the filter intervenes"
         if record.threats.collision[sample]:
@@ -158,7 +164,7 @@ class FrameArtist:
             column[sample : sample + 1] for column in (record.robot.x, record.robot.y, record.robot.heading)
         )
         body = body_corners(x, y, heading, np.array([record.robot_length]), np.array([record.robot_width]))[0]
-        outline = style.INTERVENTION if record.robot.intervening[sample] else style.BLACK
+        outline = style.INTERVENTION if self._flashes(sample) else style.BLACK
         corners = [tuple(corner) for corner in self._to_pixels(body, sample)]
         draw.polygon(corners, style.ROBOT, outline, 2 * OVERSAMPLING)
 
@@ -193,7 +199,7 @@ class FrameArtist:
         top, bottom = self._strip_box(number)
         intervening = np.flatnonzero(self._run.record.robot.intervening)
         for x in self._across(intervening):
-            draw.line((x, top, x, bottom), fill=style.INTERVENTION, width=OVERSAMPLING)
+            draw.line((x, top, x, bottom), fill=PALE_INTERVENTION, width=OVERSAMPLING)
         left, right = MARGIN * OVERSAMPLING, (WIDTH - MARGIN) * OVERSAMPLING
         draw.rectangle((left, top, right, bottom), outline=style.LANE_LINE, width=1)
         text = f"{label}, {limits[0]:.0f} to {limits[1]:.0f}"

@@ -25,12 +25,12 @@ def inside(points: np.ndarray, x: float, y: float, heading: float, length: float
 def test_overlap_and_distance_agree_with_sampled_outlines():
     draw = np.random.default_rng(0)
     overlaps = 0
-    for _ in range(300):
+    for _ in range(150):
         dx, dy = draw.uniform(-8, 8, 2)
         heading_a, heading_b = draw.uniform(-math.pi, math.pi, 2)
         (length_a, length_b), (width_a, width_b) = draw.uniform(3, 8, 2), draw.uniform(1, 3, 2)
         a, b = (0.0, 0.0, heading_a, length_a, width_a), (dx, dy, heading_b, length_b, width_b)
-        outline_a, outline_b = outline(*a, 100), outline(*b, 100)
+        outline_a, outline_b = outline(*a, 60), outline(*b, 60)
         sampled = bool(np.any(inside(outline_a, *b)) or np.any(inside(outline_b, *a)))
         arguments = (dx, dy, heading_a, length_a, width_a, heading_b, length_b, width_b)
         distance = float(np.min(np.linalg.norm(outline_a[:, None] - outline_b[None], axis=2)))
@@ -41,8 +41,8 @@ def test_overlap_and_distance_agree_with_sampled_outlines():
         if distance > 0.1 or sampled:  # the sampled outlines cannot tell a graze from a miss
             assert overlap == sampled
         if not overlap and not sampled:
-            assert rectangle_distance(*arguments) == pytest.approx(distance, abs=0.01)
-    assert 50 < overlaps < 250
+            assert rectangle_distance(*arguments) == pytest.approx(distance, abs=0.02 if distance > 0.3 else 0.1)
+    assert 30 < overlaps < 120
 
 
 def test_touching_is_no_overlap():

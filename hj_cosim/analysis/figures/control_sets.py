@@ -13,7 +13,7 @@ from hj_cosim.reachability.value_table import ValueTable
 from hj_cosim.vehicles.observation import Control
 
 FILTERS = (("spc", "SPC"), ("rss", "RSS"))
-SCHEMES = (("mi", "MI", style.BLUE, "o"), ("sw", "SW", style.PURPLE, "s"))
+SCHEMES = (("mi", "MI", style.BLUE, "o", 6), ("sw", "SW", style.PURPLE, "s", 10))
 MEMORY = 1.0  # s of the run before the moment that the filters see, for RSS remembers
 
 
@@ -23,7 +23,8 @@ def control_sets(run: Run, table: ValueTable, time: float | None = None) -> styl
     Args:
         run: whose cars and desired controls are used.
         table: V.
-        time: of the moment, s; the one with most constraints, of those the one of the least value, unless given.
+        time: of the moment, s; unless given, the one with most constraints that can be met, of those the one of the
+            least value.
     """
     sample = _busiest_sample(run) if time is None else int(np.argmin(np.abs(run.record.time - time)))
     robot = RobotSettings.model_validate(run.config["robot"])
@@ -37,11 +38,9 @@ def control_sets(run: Run, table: ValueTable, time: float | None = None) -> styl
         panels = figure.subplots(1, 2, sharey=True)
         for axes, (kind, label) in zip(panels, FILTERS, strict=True):
             _draw_set(axes, results[kind, "mi"], robot)
-            for scheme, name, colour, marker in SCHEMES:
-                control = results[kind, scheme].control
-                axes.plot(control.omega, control.acceleration, marker, color=colour, markersize=7, zorder=5, label=name)
-            desired = results[kind, "mi"].desired
-            axes.plot(desired.omega, desired.acceleration, "*", color=style.BLACK, markersize=10, label="desired")
+            for scheme, name, colour, marker, size in SCHEMES:
+                _draw_control(axes, results[kind, scheme].control, marker, colour, size, name)
+            _draw_control(axes, results[kind, "mi"].desired, "*", style.BLACK, 7, "desired")
             axes.set_title(f"{label}: {len(results[kind, 'mi'].rows)} rows, t = {run.record.time[sample]:.2f} s")
             axes.set_xlabel("ω (rad/s)")
         panels[0].set_ylabel("a (m/s²)")
@@ -50,8 +49,9 @@ def control_sets(run: Run, table: ValueTable, time: float | None = None) -> styl
 
 
 def _busiest_sample(run: Run) -> int:
-    constraints, value = run.record.robot.constraints, run.record.robot.value
-    return int(np.lexsort((value, -constraints))[0])
+    robot = run.record.robot
+    unmeetable = robot.slack > 1e-6  # where the rows leave no control, there is no set to show
+    return int(np.lexsort((robot.value, -robot.constraints, unmeetable))[0])
 
 
 def _filtered(run: Run, table: ValueTable, sample: int, robot: RobotSettings, kind: str, scheme: str) -> FilterResult:
@@ -64,6 +64,22 @@ def _filtered(run: Run, table: ValueTable, sample: int, robot: RobotSettings, ki
         desired = Control(float(record.robot.omega_desired[seen]), float(record.robot.acceleration_desired[seen]))
         result = safety_filter.filter(record.observation(seen), desired)
     return result
+
+
+def _draw_control(axes: Axes, control: Control, marker: str, colour: str, size: float, label: str) -> None:
+    """Draw a control as a hollow marker, for several may be at one place, the corners included."""
+    axes.plot(
+        control.omega,
+        control.acceleration,
+        marker,
+        markersize=size,
+        markerfacecolor="none",
+        markeredgecolor=colour,
+        markeredgewidth=1.8,
+        clip_on=False,
+        zorder=5,
+        label=label,
+    )
 
 
 def _draw_set(axes: Axes, result: FilterResult, robot: RobotSettings) -> None:

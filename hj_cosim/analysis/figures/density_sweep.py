@@ -6,7 +6,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
-from hj_cosim.analysis.figures.stacks import STACK_COLUMNS, stacks_of
+from hj_cosim.analysis.figures.stacks import STACK_COLUMNS, stacks_of, varying_factors
 
 PANELS = (
     ("mean_speed", "mean speed (m/s)"),
@@ -23,12 +23,13 @@ def density_sweep(table: pd.DataFrame, densities: Mapping[str, float]) -> style.
         table: a study's table.csv, with a column `scenario`.
         densities: of each scenario, cars per km and lane.
     """
+    beside = [name for name in varying_factors(table) if name != "scenario"]
     rows = table.assign(density=[densities[name] for name in table.scenario]).sort_values("density", kind="stable")
     with style.house_style():
         figure = Figure(figsize=(style.PAGE_WIDTH, 4.6), layout="constrained")
         panels = figure.subplots(2, 2, sharex=True)
         for axes, (metric, label) in zip(panels.flat, PANELS, strict=True):
-            for name, look, own in stacks_of(rows):
+            for name, look, own in stacks_of(rows, beside):
                 low, high = own[metric] - own[f"{metric}_lo"], own[f"{metric}_hi"] - own[metric]
                 axes.errorbar(
                     own.density,
@@ -45,4 +46,6 @@ def density_sweep(table: pd.DataFrame, densities: Mapping[str, float]) -> style.
         handles, names = panels[0, 0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside right center", title="95 % intervals")
     metrics = [f"{metric}{ending}" for metric, _ in PANELS for ending in ("", "_lo", "_hi")]
-    return style.Drawing(figure, rows[["scenario", "density", *STACK_COLUMNS, *metrics]].reset_index(drop=True))
+    return style.Drawing(
+        figure, rows[["scenario", "density", *beside, *STACK_COLUMNS, *metrics]].reset_index(drop=True)
+    )

@@ -49,11 +49,12 @@ def timeline(run: Run) -> style.Drawing:
 
 def shade(axes: Axes, time: np.ndarray, flag: np.ndarray, colour: str, alpha: float) -> None:
     """Shade the times (s) at which a boolean (T,) is true, over the whole height of the axes."""
+    # The height follows the flag; fill_between's `where` would lose what lasts a single sample.
+    height = flag.astype(float)
     axes.fill_between(
         time,
         0.0,
-        1.0,
-        where=flag.tolist(),
+        height,
         step="mid",
         transform=axes.get_xaxis_transform(),
         color=colour,

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from hj_cosim.analysis.figures import style
-from hj_cosim.analysis.figures.stacks import STACK_COLUMNS, stacks_of
+from hj_cosim.analysis.figures.stacks import STACK_COLUMNS, stacks_of, varying_factors
 from hj_cosim.analysis.summary import SAFE_TTC
 
 LARGEST_TTC = 30.0  # s; longer, also infinite ones count as this long, for an ellipse needs finite points
@@ -18,13 +18,15 @@ def trade_off(windows: pd.DataFrame) -> style.Drawing:
     """Return the paper's trade-off figure: a mean and a three-sigma ellipse for each stack.
 
     Args:
-        windows: a row per window, with planner, filter, scheme, mean_speed (m/s) and ttc_p1 (s).
+        windows: a row per window, with planner, filter, scheme, mean_speed (m/s) and ttc_p1 (s); what varies besides
+            (scenario, knobs) stands in columns before these.
     """
+    beside = varying_factors(windows)
     points = windows.assign(ttc_p1=windows.ttc_p1.clip(upper=LARGEST_TTC))
     with style.house_style():
         figure = Figure(figsize=(style.PAGE_WIDTH, 3.6), layout="constrained")
         axes = figure.subplots()
-        for label, look, rows in stacks_of(points):
+        for label, look, rows in stacks_of(points, beside):
             pairs = rows[["mean_speed", "ttc_p1"]].to_numpy(float)
             centre = pairs.mean(axis=0)
             axes.plot(pairs[:, 0], pairs[:, 1], ".", color=look["color"], alpha=0.25, markersize=3)
@@ -35,7 +37,7 @@ def trade_off(windows: pd.DataFrame) -> style.Drawing:
         axes.set(xlabel="mean speed in ten seconds (m/s)", ylabel=f"1st percentile TTC (s, at most {LARGEST_TTC:g})")
         axes.set_ylim(bottom=0.0)
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="mean and 3σ ellipse")
-    columns = [*STACK_COLUMNS, *(name for name in ("seed", "start") if name in points), "mean_speed", "ttc_p1"]
+    columns = [*beside, *STACK_COLUMNS, *(name for name in ("seed", "start") if name in points), "mean_speed", "ttc_p1"]
     return style.Drawing(figure, points[columns].reset_index(drop=True))
 
 

@@ -97,7 +97,7 @@
   function drawStrip(strip) {
     const [low, high] = strip.limits;
     const toStrip = (v) => strip.top + stripHeight * (1 - (Math.min(Math.max(v, low), high) - low) / (high - low));
-    pen.fillStyle = "#f0e442";
+    pen.fillStyle = "#f8f3b8";
     for (let k = 0; k <= last; k++) if (robot.intervening[k]) pen.fillRect(timeX(k), strip.top, 1.2, stripHeight);
     pen.strokeStyle = "#dddddd"; pen.lineWidth = 1;
     pen.strokeRect(8, strip.top, canvas.width - 16, stripHeight);
