@@ -1,6 +1,7 @@
 """The planners OP and HJOP: optimistic planning with the paper's reward, without and with the HJI term."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,7 +20,16 @@ from hj_cosim.planning.prediction import (
     noticed_lanes,
 )
 from hj_cosim.planning.reward import reward_model
-from hj_cosim.planning.tree_search import ACTION_COUNT, ROOT, ActionModel, Tree, empty_tree, outermost_lanes, search
+from hj_cosim.planning.tree_search import (
+    ACTION_COUNT,
+    ROOT,
+    ActionModel,
+    Tree,
+    empty_tree,
+    outermost_lanes,
+    roll_out,
+    search,
+)
 from hj_cosim.reachability.value_table import ValueTable
 from hj_cosim.vehicles.mobil import mobil_parameters
 from hj_cosim.vehicles.observation import Observation, Target
@@ -102,13 +112,8 @@ class OptimisticPlanner:
             previous: the last target, of which the planned lane is kept, and the planned speed as far as it is
                 within the speed window around the robot's.
         """
-        cars = self._sensed(observation)
-        if len(cars) + 1 != len(self._prediction.drivers):
-            self._make_room(len(cars) + 1)
-        bodies = np.empty((len(cars) + 1, 2))
-        bodies[ROBOT] = self._robot.length, self._robot.width
-        bodies[1:, 0], bodies[1:, 1] = observation.length[cars], observation.width[cars]
-        self._plant_root(observation, cars, previous)
+        cars, bodies = self._enter(observation)
+        self._plant_root(self._tree, observation, cars, previous)
         action_values = np.empty(ACTION_COUNT)
         nodes, expansions, best = search(
             self._tree,
@@ -131,9 +136,33 @@ class OptimisticPlanner:
                 depth=int(self._tree.nodes["depth"][:nodes].max()),
                 best_value=float(self._tree.nodes[best]["value"]),
                 action_values=action_values,
-                trajectory=self._trajectory(path, observation, cars),
+                trajectory=self._trajectory(self._tree, path, observation, cars),
             ),
         )
+
+    def predict(self, observation: Observation, previous: Target, actions: Sequence[int]) -> PredictedTrajectory:
+        """Return what the model expects of a given sequence of actions.
+
+        Args:
+            observation, previous: as for `plan`.
+            actions: one for each action time; that they exist is not checked.
+        """
+        cars, bodies = self._enter(observation)
+        tree = empty_tree(max(len(actions), 1), len(cars) + 1)
+        self._plant_root(tree, observation, cars, previous)
+        chosen = np.array(actions, dtype=np.int64)
+        roll_out(tree, chosen, self._scene, bodies, self._prediction, self._settings.speed_step)
+        return self._trajectory(tree, np.arange(len(actions) + 1), observation, cars)
+
+    def _enter(self, observation: Observation) -> tuple[np.ndarray, np.ndarray]:
+        """Return the indices of the cars that enter the tree, and the bodies (J + 1, 2) of all, the robot's first."""
+        cars = self._sensed(observation)
+        if len(cars) + 1 != len(self._prediction.drivers):
+            self._make_room(len(cars) + 1)
+        bodies = np.empty((len(cars) + 1, 2))
+        bodies[ROBOT] = self._robot.length, self._robot.width
+        bodies[1:, 0], bodies[1:, 1] = observation.length[cars], observation.width[cars]
+        return cars, bodies
 
     def _sensed(self, observation: Observation) -> np.ndarray:
         """Return the indices of the cars that enter the tree, nearest the robot's rear first.
@@ -148,18 +177,18 @@ class OptimisticPlanner:
         cars = np.flatnonzero((np.abs(ahead) <= self._settings.sensing_range) & ~overlaps)
         return cars[np.argsort(observation.x[cars], kind="stable")]
 
-    def _plant_root(self, observation: Observation, cars: np.ndarray, previous: Target) -> None:
+    def _plant_root(self, tree: Tree, observation: Observation, cars: np.ndarray, previous: Target) -> None:
         road, settings = self._road, self._settings
         x, y, heading, speed = observation.robot
         planned_speed = min(max(previous.speed, speed - settings.speed_window), speed + settings.speed_window)
-        root = self._tree.nodes[ROOT]
+        root = tree.nodes[ROOT]
         root["parent"], root["depth"], root["value"], root["heading"] = ROOT, 0, 0.0, heading
         root["planned_lane"] = min(max(previous.lane, 0), road.lane_count - 1)
         root["planned_speed"] = min(max(planned_speed, settings.speed_floor), settings.speed_high)
         noticed = noticed_lanes(float(y), self._prediction)
         lowest, highest = outermost_lanes(noticed or 1 << road.lane_at(y), road.lane_count)
         lane, second_lane = occupied_lanes(observation, cars, road)
-        state, place = self._tree.state[ROOT], self._tree.place[ROOT]
+        state, place = tree.state[ROOT], tree.place[ROOT]
         state[POSITION, ROBOT], state[POSITION, 1:] = 0.0, observation.x[cars] - x
         state[SPEED, ROBOT], state[SPEED, 1:] = speed, observation.speed[cars]
         state[LATERAL, ROBOT], state[LATERAL, 1:] = y, observation.y[cars]
@@ -167,11 +196,13 @@ class OptimisticPlanner:
         place[LANE, ROBOT], place[LANE, 1:] = lowest, lane
         place[SECOND_LANE, ROBOT], place[SECOND_LANE, 1:] = highest, second_lane
 
-    def _trajectory(self, path: np.ndarray, observation: Observation, cars: np.ndarray) -> PredictedTrajectory:
-        nodes = self._tree.nodes[path]
+    def _trajectory(
+        self, tree: Tree, path: np.ndarray, observation: Observation, cars: np.ndarray
+    ) -> PredictedTrajectory:
+        nodes = tree.nodes[path]
         # Nodes keep their vehicles nearly sorted by position: undo that.
-        order = np.argsort(self._tree.place[path, VEHICLE], axis=1)
-        state = np.take_along_axis(self._tree.state[path], order[:, np.newaxis], axis=2).astype(np.float64)
+        order = np.argsort(tree.place[path, VEHICLE], axis=1)
+        state = np.take_along_axis(tree.state[path], order[:, np.newaxis], axis=2).astype(np.float64)
         position, speed, lateral = state[:, POSITION] + observation.robot[0], state[:, SPEED], state[:, LATERAL]
         return PredictedTrajectory(
             time=self._settings.action_time * np.arange(len(path)),

@@ -12,6 +12,9 @@ That 2 and 3 are exact, not an approximation, is because car following looks ahe
 the cars ahead of it, so the cars are moved one after the other from the front to the back, each through the whole
 action.
 
+A car that sees nobody ahead keeps its speed and its lane. The tree ends at the sensing range; were the road beyond
+it taken for free, the foremost cars would speed up, 9 m in 3 s in dense traffic, and those behind follow them.
+
 The kernels take few arrays of many rows rather than many arrays: it is what Numba compiles fast.
 """
 
@@ -127,7 +130,7 @@ def decide_and_find_leaders(scene: Scene, robot: int, model: PredictionModel) ->
     taken = 0  # the lanes in which the nearest car behind the robot has been found
     for car in range(len(position) - 1, -1, -1):
         if car != robot:
-            if lane[car] == second_lane[car]:
+            if lane[car] == second_lane[car] and vehicles[lane[car]] != NOBODY:
                 lane[car] = wanted_lane(
                     car, vehicles, position, speed, lane, second_lane, length, driver, drivers, mobil, lane_count
                 )
@@ -239,7 +242,9 @@ def follow(
             to_robot = scene.robot_motion[POSITION, now] - position
             if to_robot > 0.0 and to_robot - robot_gap < gap:
                 gap, ahead_speed = to_robot - robot_gap, scene.robot_motion[SPEED, now]
-        acceleration = max(idm_acceleration(speed, gap, ahead_speed, driver), -HARDEST_BRAKING)
+        acceleration = 0.0
+        if gap < math.inf:
+            acceleration = max(idm_acceleration(speed, gap, ahead_speed, driver), -HARDEST_BRAKING)
         next_speed = max(speed + acceleration * step, 0.0)
         position += 0.5 * (speed + next_speed) * step
         speed = next_speed

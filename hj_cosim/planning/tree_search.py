@@ -127,9 +127,7 @@ def search(
     while leaves > 0 and expansions < actions.expansions:
         node = tree.leaf[0]
         leaves = pop_leaf(tree.bound, tree.leaf, nodes, leaves)
-        robot = open_scene(tree.state[node], tree.place[node], scene.state, scene.place, bodies)
-        decide_and_find_leaders(scene, robot, prediction)
-        drive_cars(scene, robot, noticed_lanes(scene.state[LATERAL, robot], prediction), SHARED, prediction)
+        robot = open_node(tree, node, scene, bodies, prediction)
         expansions += 1
         weight = actions.discount ** nodes[node].depth
         off_centre = scene.state[LATERAL, robot] - nodes[node].planned_lane * prediction.lane_width
@@ -140,23 +138,13 @@ def search(
                 continue
             if not may_change_lane(LANE_CHANGE[action], off_centre, prediction.lane_width):
                 continue
-            occupied, heading = drive_robot(scene, robot, lane, speed, prediction)
-            drive_cars(scene, robot, occupied, REACTING, prediction)
-            crashed = robot_crashes(scene, robot, prediction)
-            close_scene(tree.state[count], tree.place[count], scene, robot, prediction)
+            crashed = add_child(tree, node, count, action, lane, speed, scene, robot, prediction)
+            child = nodes[count]
             worst = math.inf
             if weights.gamma_r < 1.0:
-                worst = worst_value(tree.state[count], robot, heading, table, weights.value_clip)
-            reward = total_reward(speed, lane, crashed, worst, weights)
-            child = nodes[count]
-            child.parent = node
-            child.action = action
+                worst = worst_value(tree.state[count], robot, child.heading, table, weights.value_clip)
+            child.value = nodes[node].value + weight * total_reward(speed, lane, crashed, worst, weights)
             child.first_action = action if node == ROOT else nodes[node].first_action
-            child.depth = nodes[node].depth + 1
-            child.planned_lane = lane
-            child.planned_speed = speed
-            child.heading = heading
-            child.value = nodes[node].value + weight * reward
             action_values[child.first_action] = max(action_values[child.first_action], child.value)
             if best == ROOT or child.value > nodes[best].value:
                 best = count
@@ -165,6 +153,61 @@ def search(
                 leaves = push_leaf(tree.bound, tree.leaf, nodes, leaves, count, bound)
             count += 1
     return count, expansions, best
+
+
+@njit(cache=True, error_model="numpy")
+def roll_out(
+    tree: Tree, chosen: np.ndarray, scene: Scene, bodies: np.ndarray, prediction: PredictionModel, speed_step: float
+) -> None:
+    """Predict a sequence of actions from the root: node d + 1 is what the d-th action leads to.
+
+    Args:
+        tree: whose node 0 is the root; as many more nodes are written as there are actions.
+        chosen: (D,) int64, the actions; it is the caller's business that they exist.
+        scene, bodies, prediction: as for `search`.
+        speed_step: m/s.
+    """
+    for node in range(len(chosen)):
+        action = chosen[node]
+        lane = tree.nodes[node].planned_lane + LANE_CHANGE[action]
+        speed = tree.nodes[node].planned_speed + SPEED_CHANGE[action] * speed_step
+        robot = open_node(tree, node, scene, bodies, prediction)
+        add_child(tree, node, node + 1, action, lane, speed, scene, robot, prediction)
+
+
+@njit(cache=True, error_model="numpy")
+def open_node(tree: Tree, node: int, scene: Scene, bodies: np.ndarray, prediction: PredictionModel) -> int:
+    """Prepare what the children of a node share, and return the robot's column of the scene."""
+    robot = open_scene(tree.state[node], tree.place[node], scene.state, scene.place, bodies)
+    decide_and_find_leaders(scene, robot, prediction)
+    drive_cars(scene, robot, noticed_lanes(scene.state[LATERAL, robot], prediction), SHARED, prediction)
+    return robot
+
+
+@njit(cache=True, error_model="numpy")
+def add_child(
+    tree: Tree,
+    node: int,
+    child: int,
+    action: int,
+    planned_lane: int,
+    planned_speed: float,
+    scene: Scene,
+    robot: int,
+    prediction: PredictionModel,
+) -> bool:
+    """Write the node that an action of an opened node leads to, and return whether the robot crashes on the way."""
+    occupied, heading = drive_robot(scene, robot, planned_lane, planned_speed, prediction)
+    drive_cars(scene, robot, occupied, REACTING, prediction)
+    close_scene(tree.state[child], tree.place[child], scene, robot, prediction)
+    entry = tree.nodes[child]
+    entry.parent = node
+    entry.action = action
+    entry.depth = tree.nodes[node].depth + 1
+    entry.planned_lane = planned_lane
+    entry.planned_speed = planned_speed
+    entry.heading = heading
+    return robot_crashes(scene, robot, prediction)
 
 
 @njit(cache=True, error_model="numpy")

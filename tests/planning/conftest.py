@@ -102,6 +102,8 @@ class ReferenceModel:
         for place in reversed(range(len(order))):
             if order[place] == len(state.x) or lane[place] != second[place]:
                 continue
+            if all(lane[place] not in (lane[ahead], second[ahead]) for ahead in range(place + 1, len(order))):
+                continue
             wishes = {
                 target: lane_change_incentive(place, target, position, speed, lane, second, length, drivers, self.mobil)
                 for target in (lane[place] + 1, lane[place] - 1)
@@ -131,7 +133,8 @@ class ReferenceModel:
             to_robot = now.robot[0] - now.x[car]
             if behind_robot[car] & noticed and 0.0 < to_robot < gap + 5.0:
                 gap, lead_speed = to_robot - 5.0, now.robot[3]
-            result[car] = max(idm_acceleration(now.speed[car], gap, lead_speed, self.driver), -9.0)
+            followed = max(idm_acceleration(now.speed[car], gap, lead_speed, self.driver), -9.0)
+            result[car] = followed if gap < math.inf else 0.0
         return result
 
     def advance(self, state: ReferenceState, action: int) -> ReferenceState:
