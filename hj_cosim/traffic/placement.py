@@ -124,7 +124,9 @@ def _places(scenario: Scenario, lane_count: int, random: np.random.Generator) ->
     spacing = mean_spacing(traffic, lane_count)
     least = _gap_at(0.5 * stream_speed(scenario, lane_count), mean_driver(scenario.drivers)) + CAR_LENGTH
     nearest = np.full(lane_count, -math.inf)
-    nearest[scenario.robot.lane] = 0.0
+    # The robot has the room ahead that a car of the stream has on average: otherwise a close leader in its lane would
+    # decide how the episode begins.
+    nearest[scenario.robot.lane] = max(spacing * lane_count - least, 0.0)
     ahead = _one_direction(traffic.count, spacing, traffic.spacing_jitter, least, nearest, random)
     nearest = np.full(lane_count, math.inf)
     for x, lane in zip(*ahead, strict=True):

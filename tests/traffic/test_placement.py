@@ -148,3 +148,14 @@ def test_what_does_not_fit_is_refused_in_a_sentence(changes, said):
         initial_traffic(scenario, Road(4), RobotSettings(), 0)
     assert str(error.value).startswith("scenario tight:")
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["paper", "dense", "two_lanes"])
+def test_robot_has_the_room_ahead_that_a_car_of_the_stream_has_on_average(name):
+    lanes = SCENARIOS[name]
+    scenario = load_scenario(name)
+    for seed in range(5):
+        start = initial_traffic(scenario, Road(lanes), RobotSettings(), seed)
+        ahead = start.x[(start.lane == scenario.robot.lane) & (start.x > start.robot[0])]
+        room = ahead.min() - start.robot[0]
+        assert room >= lanes * mean_spacing(scenario.traffic, lanes) * (1.0 - 1e-9)
