@@ -15,7 +15,8 @@ class World(Protocol):
     Attributes:
         road: the road frame that every observation is in.
         vehicle_names: a background car's name by its number in `Observation.vehicle`.
-        drivers: (len(vehicle_names), 6) IDM parameters by the same number, in the order of vehicles.idm.
+        drivers: (len(vehicle_names), 6) IDM parameters by the same number, named by
+            vehicles.idm.PARAMETER_NAMES; what the planner does not know.
     """
 
     road: Road

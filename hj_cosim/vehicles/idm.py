@@ -12,6 +12,14 @@ COMFORTABLE_DECELERATION = 2  # m/s²
 TIME_HEADWAY = 3  # s
 MINIMUM_GAP = 4  # m, bumper to bumper
 EXPONENT = 5
+PARAMETER_NAMES = (
+    "desired_speed",
+    "max_acceleration",
+    "comfortable_deceleration",
+    "time_headway",
+    "minimum_gap",
+    "exponent",
+)
 
 # What the model asks of a car that already touches its leader: the gap is not let below this (m).
 SMALLEST_GAP = 0.1

@@ -18,7 +18,7 @@ from hj_cosim.traffic.placement import (
 )
 from hj_cosim.traffic.scenarios import load_scenario
 from hj_cosim.traffic.settling import mean_driver
-from hj_cosim.vehicles.idm import DESIRED_SPEED, equilibrium_speed, idm_acceleration
+from hj_cosim.vehicles.idm import DESIRED_SPEED, PARAMETER_NAMES, equilibrium_speed, idm_acceleration
 from hj_cosim.vehicles.road import Road
 
 SCENARIOS = {"light": 4, "paper": 4, "dense": 4, "jam": 4, "two_lanes": 2, "six_lanes": 6}
@@ -112,6 +112,13 @@ def test_drivers_differ_in_everything_that_is_drawn_and_depend_on_the_seed_alone
     assert (drivers.std(axis=0)[:5] / means[:5] > 0.05).all()
     again = draw_drivers(scenario, 500, np.random.default_rng(1))
     np.testing.assert_array_equal(drivers, again)
+
+
+def test_a_drivers_parameters_are_named_in_the_order_of_their_columns():
+    drivers = load_scenario("paper").drivers
+    stated = [getattr(drivers, name) for name in PARAMETER_NAMES]
+    means = [each.mean if isinstance(each, NormalDistribution) else each for each in stated]
+    assert mean_driver(drivers).tolist() == means
 
 
 def test_cars_placed_by_hand_start_as_written():
