@@ -1,5 +1,7 @@
 """The same games in hj_reachability (StanfordASL, JAX), for the fixtures and the benchmark; needs the extra `peers`."""
 
+from collections.abc import Callable
+
 import hj_reachability as hj
 import jax.numpy as jnp
 import numpy as np
@@ -53,8 +55,8 @@ class PeerHighway(hj.dynamics.Dynamics):
         )
 
 
-def solve_with_peer(specification: TableSpecification) -> np.ndarray:
-    """Return the peer's solution of a specification in the peer's formulation (see `peer_formulation`)."""
+def peer_solver(specification: TableSpecification) -> Callable[[float], np.ndarray]:
+    """Return a function from a horizon (s) to the peer's solution, in the peer's formulation (see `peer_cases`)."""
     dynamics = find_dynamics(specification.dynamics)
     ours = Grid.from_settings(specification.grid, dynamics.boundary)
     periodic = tuple(axis for axis, boundary in enumerate(ours.boundary) if boundary == "periodic")
@@ -70,5 +72,14 @@ def solve_with_peer(specification: TableSpecification) -> np.ndarray:
     parameters = {**dynamics.parameters, **specification.parameters}
     peer_dynamics = hj.systems.Air3d() if dynamics.name == "air3d" else PeerHighway(parameters)
     initial = jnp.array(target.reshape(ours.shape))
-    solved = hj.step(settings, peer_dynamics, grid, 0.0, initial, -specification.horizon, progress_bar=False)
-    return np.asarray(solved.block_until_ready())
+
+    def solve(horizon: float) -> np.ndarray:
+        solved = hj.step(settings, peer_dynamics, grid, 0.0, initial, -horizon, progress_bar=False)
+        return np.asarray(solved.block_until_ready())
+
+    return solve
+
+
+def solve_with_peer(specification: TableSpecification) -> np.ndarray:
+    """Return the peer's solution of a specification."""
+    return peer_solver(specification)(specification.horizon)

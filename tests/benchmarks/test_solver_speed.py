@@ -1,0 +1,113 @@
+"""The HJI solver beside hj_reachability on the same work in the same run, its memory, and what a look-up costs.
+
+Both solve the first tenth of the three seconds: every step of a solve costs the same. CPU seconds stand beside wall
+seconds, because on a machine that is busy otherwise only they compare.
+"""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numba import njit
+
+from hj_cosim.config import Scheme, TableSpecification
+from hj_cosim.reachability.grid import Grid
+from hj_cosim.reachability.lookup import values_and_gradients
+from hj_cosim.reachability.value_table import load_table, solve_table
+
+TESTS = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(TESTS / "reachability"))
+
+import peer_cases  # noqa: E402
+
+SHAPE = (41, 25, 13, 13, 13)
+HORIZON = 0.3  # s, of 3
+MEGABYTE = 2**20
+
+
+def timed(work: Callable[[], object]) -> tuple[float, float]:
+    """Return wall and CPU seconds of `work`."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    work()
+    return time.perf_counter() - wall, time.process_time() - cpu
+
+
+def large(scheme: Scheme) -> TableSpecification:
+    return peer_cases.highway(scheme, SHAPE).model_copy(update={"horizon": HORIZON})
+
+
+@njit(fastmath={"contract"}, nogil=True)
+def multiply_add(values: np.ndarray, rounds: int) -> None:
+    for _ in range(rounds):
+        for i in range(values.size):
+            values[i] = values[i] * np.float32(0.999) + np.float32(0.001)
+
+
+@pytest.mark.parametrize(("scheme", "wanted"), [("first_order", 40.0), ("weno5", 20.0)])
+def test_the_solver_beside_its_peer(benchmark, scheme: Scheme, wanted: float) -> None:
+    from peer import peer_solver
+
+    specification = large(scheme)
+    solve_table(specification.model_copy(update={"horizon": 0.01}))  # compiles
+    peer = peer_solver(specification)
+    peer(0.01)
+    peer_wall, peer_cpu = timed(lambda: peer(HORIZON))
+    wall, cpu = timed(lambda: solve_table(specification))
+    report = benchmark.pedantic(lambda: solve_table(specification).report, rounds=1)
+    # A multiply-add over an array that fits the first-level cache, on one core.
+    array = np.ones(4096, np.float32)
+    multiply_add(array, 1)
+    loop = time.process_time()
+    multiply_add(array, 100_000)
+    floor = array.size * 100_000 / (time.process_time() - loop)
+    rate = np.prod(SHAPE) * report.steps * report.runge_kutta
+    print(
+        f"\n{scheme} on {SHAPE}, {report.steps} steps: wall {wall:.2f} s against the peer's {peer_wall:.2f} s,"
+        f" {peer_wall / wall:.0f} x (wanted {wanted:.0f} x); CPU {cpu:.2f} s against {peer_cpu:.2f} s,"
+        f" {peer_cpu / cpu:.0f} x; {rate / wall / 1e6:.0f} M cell updates/s wall,"
+        f" {rate / cpu / 1e6:.0f} M per CPU second,"
+        f" {100 * rate / cpu / floor:.2f} % of a multiply-add loop's {floor / 1e6:.0f} M/s"
+    )
+
+
+MEMORY_PROBE = """
+import json, resource, sys
+from hj_cosim.config import TableSpecification
+from hj_cosim.reachability.value_table import solve_table
+specification = TableSpecification.model_validate_json(sys.argv[1])
+grid = specification.grid.model_copy(update={"shape": (9, 9, 7, 7, 7)})
+solve_table(specification.model_copy(update={"grid": grid}))
+base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+solve_table(specification)
+print(json.dumps([base, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss]))
+"""
+
+
+def test_the_solver_takes_little_memory() -> None:
+    specification = large("weno5").model_copy(update={"horizon": 0.02})
+    output = subprocess.run(
+        [sys.executable, "-c", MEMORY_PROBE, specification.model_dump_json()],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    base, peak = json.loads(output.stdout)
+    cells = np.prod(SHAPE)
+    print(f"\nmemory: {(peak - base) * 1024 / cells:.1f} bytes a cell over {base / 1024:.0f} MiB (wanted 40, peer 290)")
+
+
+def test_a_hundred_look_ups(benchmark) -> None:
+    table = load_table("highway")
+    grid = Grid.from_settings(table.specification.grid, table.dynamics.boundary)
+    states = np.random.default_rng(0).uniform(np.array(grid.lower) * 0.6, np.array(grid.upper) * 0.6, (100, 5))
+    arrays = table.arrays
+    values_and_gradients(arrays, states)
+    benchmark(values_and_gradients, arrays, states)
+    print(
+        f"\n100 look-ups: {benchmark.stats['median'] * 1e6:.1f} µs median, {benchmark.stats['min'] * 1e6:.1f} best (12)"
+    )
