@@ -18,16 +18,13 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hj_cosim.config import FilterSettings, RobotSettings, TrackingSettings
-from hj_cosim.control.hji_rows import Disturbance, worst_drift
-from hj_cosim.control.safety_problem import SafetyWeights, available_controls, least_cost_control
+from hj_cosim.control.hji_rows import Disturbance
+from hj_cosim.control.rollouts import COLLIDE, CRUISE, RANDOM, RANDOM_HOLD, Game, roll_out_all
+from hj_cosim.control.safety_problem import SafetyWeights
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.reachability.lookup import TableArrays, value_and_gradient_at
 from hj_cosim.reachability.value_table import ValueTable
-from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
-from hj_cosim.vehicles.idm import idm_acceleration
 
 Desire = Literal["cruise", "random", "collide"]
 Model = Literal["game", "bicycle"]
@@ -35,9 +32,8 @@ Others = Literal["adversary", "driver"]
 
 CAUSES = ("interpolation", "grid", "horizon", "time step")
 
-_DESIRES: Mapping[Desire, int] = {"cruise": 0, "random": 1, "collide": 2}
+_DESIRES: Mapping[Desire, int] = {"cruise": CRUISE, "random": RANDOM, "collide": COLLIDE}
 _CHUNK = 1000  # rollouts simulated before their trajectories are judged; bounds the memory
-_RANDOM_HOLD = 25  # steps for which a random desire lasts
 _ROUNDS = 4000  # draws for each start before it is given up
 
 
@@ -66,7 +62,8 @@ class GuaranteeReport:
     epsilon: float  # m
     rollouts: int  # that could be started
     entered: int  # rollouts that entered the target set, V(0, ·) <= 0
-    collided: int  # rollouts in which bodies overlapped
+    collided: int  # rollouts in which bodies overlapped, the robot's turned by its heading
+    collided_unturned: int  # those in which they overlap with both along the road, as the target set takes them
     fall_median: float  # m, of V below ε: how far it fell at most in a rollout
     fall_p99: float
     fall_p999: float
@@ -78,171 +75,6 @@ class GuaranteeReport:
     def entered_percent(self) -> float:
         """Share of the rollouts that entered the target set, %."""
         return 100.0 * self.entered / max(self.rollouts, 1)
-
-
-class _Game(NamedTuple):
-    """What stays the same over all rollouts, as the kernel takes it."""
-
-    table: TableArrays
-    limits: np.ndarray  # (4,) lower and upper ω, lower and upper a
-    bounds: np.ndarray  # (4,) lower and upper θ, lower and upper v
-    other_speed_max: float
-    weights: np.ndarray  # (3,) λ
-    slack_is_free: bool
-    epsilon: float
-    step: float
-    other: Disturbance
-    driver: np.ndarray  # (6,) IDM parameters
-    k_theta: float
-    wheelbase: float
-    length: float
-    width: float
-
-
-@njit(cache=True)
-def _worst_inputs(gradient: np.ndarray, speed: float, other: Disturbance) -> tuple[float, float]:
-    """Return (θ_o, a_o) that lower V most."""
-    heading = math.atan2(gradient[1], gradient[0])
-    acceleration = other.acceleration_min if gradient[4] > 0.0 else other.acceleration_max
-    return min(max(heading, -other.heading_max), other.heading_max), acceleration
-
-
-@njit(cache=True)
-def _gradient_within(game: _Game, state: np.ndarray, gradient: np.ndarray) -> float:
-    """Return V, and write ∇V; beyond the table V is +inf, and the gradient that of the nearest place on its edge."""
-    table = game.table
-    low, cells = table.lower, table.values.shape
-    x = min(max(state[0], low[0]), low[0] + (cells[0] - 1) / table.inverse_spacing[0])
-    y = min(max(state[1], low[1]), low[1] + (cells[1] - 1) / table.inverse_spacing[1])
-    value = value_and_gradient_at(table, x, y, state[2], state[3], state[4], gradient)
-    return value if x == state[0] and y == state[1] else math.inf
-
-
-@njit(cache=True)
-def _game_step(robot: np.ndarray, omega: float, acceleration: float, speed_max: float, step: float) -> None:
-    """Move the robot as the game's unicycle does, in place; Simpson's rule along the turn is exact to step⁵."""
-    speed, heading = robot[3], robot[2]
-    end = min(max(speed + acceleration * step, 0.0), speed_max)
-    middle, middle_heading, end_heading = 0.5 * (speed + end), heading + 0.5 * omega * step, heading + omega * step
-    robot[0] += (
-        step / 6.0 * (speed * math.cos(heading) + 4.0 * middle * math.cos(middle_heading) + end * math.cos(end_heading))
-    )
-    robot[1] += (
-        step / 6.0 * (speed * math.sin(heading) + 4.0 * middle * math.sin(middle_heading) + end * math.sin(end_heading))
-    )
-    robot[2], robot[3] = end_heading, end
-
-
-@njit(cache=True)
-def _desired_control(
-    game: _Game, desire: int, sample: int, heading: float, slope: np.ndarray, random: np.ndarray
-) -> tuple[float, float]:
-    """Return (ω, a) that the filter is asked for; `slope` is (∂V/∂θ, ∂V/∂v) of the least V."""
-    limits = game.limits
-    if desire == 0:
-        return min(max(-game.k_theta * heading, limits[0]), limits[1]), 0.0
-    if desire == 1:
-        return random[sample // _RANDOM_HOLD, 0], random[sample // _RANDOM_HOLD, 1]
-    return (limits[0] if slope[0] > 0.0 else limits[1]), (limits[2] if slope[1] > 0.0 else limits[3])
-
-
-@njit(cache=True, nogil=True)
-def _roll_out(
-    game: _Game,
-    desire: int,
-    bicycle: bool,
-    adversarial: bool,
-    robot: np.ndarray,
-    others: np.ndarray,
-    random: np.ndarray,
-    states: np.ndarray,
-    values: np.ndarray,
-    slack: np.ndarray,
-) -> None:
-    """Simulate one rollout.
-
-    Args:
-        game: what does not change.
-        desire, bicycle, adversarial: of RolloutSettings.
-        robot: (4,) p_x, p_y, θ, v; overwritten.
-        others: (cars, 3) x, y, v_o; overwritten.
-        random: (holds, 2) random desires (ω, a), each held for _RANDOM_HOLD steps.
-        states: (samples + 1, cars, 5) float32, written: relative states.
-        values: (samples + 1, cars) float32, written: V.
-        slack: (samples,) float32, written: t of the control; NaN where K is empty.
-    """
-    cars, samples = others.shape[0], slack.shape[0]
-    gradients = np.empty((cars, 5))
-    p, q, c = np.empty(cars), np.empty(cars), np.empty(cars)
-    relative, steepest = np.empty(5), np.zeros(2)
-    cruising = others[:, 2].copy()
-    previous_omega = 0.0
-    for sample in range(samples + 1):
-        count, least = 0, math.inf
-        for j in range(cars):
-            relative[0], relative[1] = robot[0] - others[j, 0], robot[1] - others[j, 1]
-            relative[2], relative[3], relative[4] = robot[2], robot[3], others[j, 2]
-            value = _gradient_within(game, relative, gradients[j])
-            states[sample, j] = relative
-            values[sample, j] = value
-            if j == 0 or value < least:
-                least = value
-                steepest[0], steepest[1] = gradients[j, 2], gradients[j, 3]
-            if value <= game.epsilon:
-                p[count], q[count] = gradients[j, 2], gradients[j, 3]
-                c[count] = worst_drift(gradients[j], robot[2], robot[3], others[j, 2], game.other)
-                count += 1
-        if sample == samples:
-            break
-        omega, acceleration = _desired_control(game, desire, sample, robot[2], steepest, random)
-        box = available_controls(game.limits, robot[2], robot[3], game.bounds, game.step)
-        slack[sample] = np.nan
-        if count > 0:
-            wanted = previous_omega if game.slack_is_free else omega
-            omega, acceleration, slack[sample] = least_cost_control(
-                p[:count], q[:count], c[:count], wanted, acceleration, game.weights, game.slack_is_free, box
-            )
-        previous_omega = omega
-        for j in range(cars):
-            if adversarial:
-                heading, other_acceleration = _worst_inputs(gradients[j], others[j, 2], game.other)
-            else:
-                ahead = robot[0] - others[j, 0]
-                in_lane = ahead > 0.0 and abs(robot[1] - others[j, 1]) < game.width
-                gap = ahead - game.length if in_lane else math.inf
-                game.driver[0] = max(cruising[j], 1.0)  # IDM's desired speed: its own at the start
-                heading = 0.0
-                other_acceleration = max(
-                    idm_acceleration(others[j, 2], gap, robot[3], game.driver), game.other.acceleration_min
-                )
-            end = min(max(others[j, 2] + other_acceleration * game.step, 0.0), game.other_speed_max)
-            driven = 0.5 * (others[j, 2] + end) * game.step
-            others[j, 0] += driven * math.cos(heading)
-            others[j, 1] += driven * math.sin(heading)
-            others[j, 2] = end
-        if bicycle:
-            steering = steering_for(omega, robot[3], game.wheelbase)
-            robot[:] = bicycle_step(robot, steering, acceleration, game.wheelbase, game.bounds[3], game.step)
-        else:
-            _game_step(robot, omega, acceleration, game.bounds[3], game.step)
-
-
-@njit(cache=True, nogil=True)
-def _roll_out_all(
-    game: _Game,
-    desire: int,
-    bicycle: bool,
-    adversarial: bool,
-    robots: np.ndarray,
-    others: np.ndarray,
-    random: np.ndarray,
-    states: np.ndarray,
-    values: np.ndarray,
-    slack: np.ndarray,
-) -> None:
-    """Simulate n rollouts; every array has n rows of what _roll_out takes."""
-    for i in range(len(robots)):
-        _roll_out(game, desire, bicycle, adversarial, robots[i], others[i], random[i], states[i], values[i], slack[i])
 
 
 def measure_guarantee(
@@ -270,7 +102,7 @@ def measure_guarantee(
     game = _game_of(table, settings, filter_settings, robot)
     generator = np.random.default_rng(settings.seed)
     robots, others = _starts(table, game, settings, generator)
-    holds = math.ceil(settings.duration / settings.step / _RANDOM_HOLD)
+    holds = math.ceil(settings.duration / settings.step / RANDOM_HOLD)
     random = generator.uniform(game.limits[::2], game.limits[1::2], (len(robots), holds, 2))
     chunks = [slice(first, first + _CHUNK) for first in range(0, len(robots), _CHUNK)]
 
@@ -282,10 +114,10 @@ def measure_guarantee(
     return _report(settings, filter_settings.epsilon, parts)
 
 
-def _game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, robot: RobotSettings) -> _Game:
+def _game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, robot: RobotSettings) -> Game:
     weights = SafetyWeights.of(spc, robot)
     grid = table.grid
-    return _Game(
+    return Game(
         table=table.arrays,
         limits=np.array([-robot.omega_max, robot.omega_max, robot.acceleration_min, robot.acceleration_max]),
         bounds=np.array([grid.lower[2], grid.upper[2], 0.0, min(robot.speed_max, grid.upper[3])]),
@@ -304,7 +136,7 @@ def _game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, 
 
 
 def _starts(
-    table: ValueTable, game: _Game, settings: RolloutSettings, generator: np.random.Generator
+    table: ValueTable, game: Game, settings: RolloutSettings, generator: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return robots (n, 4) at the origin and other cars (n, cars, 3), drawn evenly over the table's states with
     ε < V <= ε + band; with several cars n may be below what was asked for, where a robot's state allows no such pair.
@@ -343,6 +175,7 @@ class _Judged(NamedTuple):
 
     fall: np.ndarray  # (n,) m, of the least V below ε
     collided: int
+    collided_unturned: int
     causes: np.ndarray  # (entered,) int, index into CAUSES
     in_k: int  # steps with cars in K
     unmet: int
@@ -350,7 +183,7 @@ class _Judged(NamedTuple):
 
 def _simulate_and_judge(
     table: ValueTable,
-    game: _Game,
+    game: Game,
     settings: RolloutSettings,
     robots: np.ndarray,
     others: np.ndarray,
@@ -361,7 +194,7 @@ def _simulate_and_judge(
     values = np.empty((count, samples + 1, settings.cars), np.float32)
     slack = np.empty((count, samples), np.float32)
     private = game._replace(driver=game.driver.copy())  # the kernel writes a driver's speed into it
-    _roll_out_all(
+    roll_out_all(
         private,
         _DESIRES[settings.desire],
         settings.model == "bicycle",
@@ -383,23 +216,31 @@ def _simulate_and_judge(
     return _Judged(
         fall=np.maximum(game.epsilon - values.min(axis=(1, 2)), 0.0),
         collided=int(_bodies_overlap(states, game).any(axis=(1, 2)).sum()),
+        collided_unturned=int(_bodies_overlap(states * [1, 1, 0, 1, 1], game).any(axis=(1, 2)).sum()),
         causes=np.array(causes, dtype=int),
         in_k=int(in_k.sum()),
         unmet=int((slack[in_k] > 1e-6).sum()),
     )
 
 
-def _bodies_overlap(states: np.ndarray, game: _Game) -> np.ndarray:
-    """Return where the boxes along the road around both bodies overlap: never less than the bodies do."""
-    turned = np.abs(states[..., 2])
-    half_length = 0.5 * (game.length * np.cos(turned) + game.width * np.sin(turned))
-    half_width = 0.5 * (game.length * np.sin(turned) + game.width * np.cos(turned))
-    return (np.abs(states[..., 0]) < half_length + 0.5 * game.length) & (
-        np.abs(states[..., 1]) < half_width + 0.5 * game.width
+def _bodies_overlap(states: np.ndarray, game: Game) -> np.ndarray:
+    """Return where the robot's rectangle, turned by θ, overlaps the other car's, which lies along the road.
+
+    By the separating axis theorem; `states` (..., 5).
+    """
+    cos, sin = np.cos(states[..., 2]), np.sin(states[..., 2])
+    reach_along = 0.5 * (game.length + game.length * cos + game.width * np.abs(sin))
+    reach_across = 0.5 * (game.width + game.length * np.abs(sin) + game.width * cos)
+    x, y = states[..., 0], states[..., 1]
+    return (
+        (np.abs(x) < reach_along)
+        & (np.abs(y) < reach_across)
+        & (np.abs(x * cos + y * sin) < reach_along)
+        & (np.abs(y * cos - x * sin) < reach_across)
     )
 
 
-def _cause(value: np.ndarray, target: np.ndarray, slack: np.ndarray, game: _Game) -> int:
+def _cause(value: np.ndarray, target: np.ndarray, slack: np.ndarray, game: Game) -> int:
     """Return why a pair entered the target set, an index into CAUSES.
 
     Args:
@@ -429,6 +270,7 @@ def _report(settings: RolloutSettings, epsilon: float, parts: list[_Judged]) -> 
         rollouts=len(fall),
         entered=len(causes),
         collided=sum(part.collided for part in parts),
+        collided_unturned=sum(part.collided_unturned for part in parts),
         fall_median=float(np.median(fall)),
         fall_p99=float(np.quantile(fall, 0.99)),
         fall_p999=float(np.quantile(fall, 0.999)),

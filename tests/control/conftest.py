@@ -41,6 +41,12 @@ def linear_table() -> ValueTable:
 
 
 @pytest.fixture(scope="session")
+def safe_table() -> ValueTable:
+    """V = −p_x − 8 v_r + 100, whose row a <= (v_o cosθ_o − v_r) / 8 can be met everywhere."""
+    return table_of(lambda states: states @ np.array([-1.0, 0.0, 0.0, -8.0, 0.0]) + 100.0)
+
+
+@pytest.fixture(scope="session")
 def observe() -> Callable[..., Observation]:
     """How to observe a robot among cars given as rows (x, y, heading, speed), numbered from 0."""
     return _observe

@@ -1,0 +1,56 @@
+import dataclasses
+
+import pytest
+
+from hj_cosim.config import FilterSettings
+from hj_cosim.control.guarantee import CAUSES, RolloutSettings, measure_guarantee
+from hj_cosim.errors import ConfigurationError
+
+FEW = RolloutSettings(rollouts=60, duration=2.0, seed=1)
+
+
+def report(table, filter_settings=None, **settings):
+    return measure_guarantee(table, dataclasses.replace(FEW, **settings), filter_settings, workers=1)
+
+
+def test_where_the_table_is_exact_and_the_rows_can_be_met_v_falls_by_no_more_than_the_time_step_explains(safe_table):
+    coarse = report(safe_table)
+    assert coarse.unmet_percent == 0.0
+    # |dV/dt| <= 40 m/s while the desired speed is kept: one step's fall through ε. Below it, dV/dt >= 0 at the start
+    # of every step and changes at 10 m/s² at most.
+    one_step, held = 40.0 * FEW.step, 0.5 * 10.0 * FEW.step * FEW.duration
+    assert 0.0 < coarse.fall_max <= one_step + held
+    fine = report(safe_table, step=FEW.step / 4)
+    assert fine.fall_max <= (one_step + held) / 4
+    assert fine.fall_max < coarse.fall_max
+
+
+def test_a_table_without_the_game_lets_the_adversary_in_and_a_driver_that_keeps_its_lane_hardly(table):
+    adversary, driver = report(table), report(table, others="driver")
+    assert adversary.entered > 10
+    assert driver.entered < 0.5 * adversary.entered
+
+
+def test_every_entry_has_a_cause_and_no_more_collide_unturned_than_turned(table):
+    found = report(table, desire="collide")
+    assert set(found.causes) == set(CAUSES)
+    assert sum(found.causes.values()) == found.entered
+    assert found.entered_percent == pytest.approx(100.0 * found.entered / 60)
+    assert found.collided_unturned <= found.collided
+    assert found.fall_median <= found.fall_p99 <= found.fall_p999 <= found.fall_max
+
+
+def test_the_same_seed_gives_the_same_report_however_many_threads(table):
+    again = measure_guarantee(table, dataclasses.replace(FEW, desire="random"), workers=2)
+    assert again == report(table, desire="random")
+    assert again != report(table, desire="random", seed=2)
+
+
+def test_several_cars_the_bicycle_and_the_switching_scheme_roll_out_too(table):
+    found = report(table, FilterSettings(scheme="sw"), cars=3, model="bicycle", rollouts=20, duration=1.0)
+    assert 0 < found.rollouts <= 20
+
+
+def test_an_epsilon_that_no_state_has_is_an_error(safe_table):
+    with pytest.raises(ConfigurationError, match="no state of the table"):
+        report(safe_table, FilterSettings(epsilon=1e5), rollouts=2)
