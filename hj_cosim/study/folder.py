@@ -12,7 +12,7 @@ failures/<stack>/<seed>.log   of episodes that failed
 figures/
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import rmtree
@@ -21,6 +21,7 @@ from typing import Any
 import tomli_w
 
 from hj_cosim.analysis.run_folder import require_free_folder
+from hj_cosim.config import read_toml
 from hj_cosim.cosim.configuration import config_toml
 from hj_cosim.errors import RunFolderError
 from hj_cosim.files import whole_file
@@ -73,20 +74,37 @@ class StudyFolder:
             rmtree(unfinished, ignore_errors=True)
         rmtree(self.path / FAILURES, ignore_errors=True)
 
-    def describe(self, description: Mapping[str, Any]) -> None:
-        """Write study.toml, which marks the folder as a study's."""
+    def require_same_program(self, program: Mapping[str, str]) -> None:
+        """Check that what is there was driven by the same program.
+
+        Args:
+            program: the version of everything that an episode depends on besides its configuration.
+
+        Raises:
+            RunFolderError: if a version is another than study.toml has.
+        """
+        earlier = read_toml(self.path / STUDY).get("program", {}) if (self.path / STUDY).is_file() else {}
+        for name in sorted(earlier.keys() & program.keys()):
+            if earlier[name] != program[name]:
+                raise RunFolderError(
+                    f"{self.path / STUDY}: the study was begun with {name} {earlier[name]}, this is {program[name]};"
+                    " episodes of both would not be comparable, so choose another --out"
+                )
+
+    def describe(self, request: Mapping[str, Any], program: Mapping[str, str]) -> None:
+        """Write study.toml, which marks the folder as a study's: what was asked for, and of which program."""
         with whole_file(self.path / STUDY) as temporary:
-            temporary.write_text(tomli_w.dumps(description), encoding="utf-8")
+            temporary.write_text(tomli_w.dumps({**request, "program": dict(program)}), encoding="utf-8")
 
     def run_folder(self, cell: Cell, seed: int) -> Path:
         """Return the run folder of an episode."""
         return self.path / EPISODES / self.design.folder_name(cell) / str(seed)
 
-    def remaining_jobs(self, table_file: Callable[[str], Path], keep: Keep = "all") -> list[EpisodeJob]:
+    def remaining_jobs(self, table_files: Mapping[str, Path], keep: Keep = "all") -> list[EpisodeJob]:
         """Return the episodes that are not there yet.
 
         Args:
-            table_file: tells the solved value table of each name in the configurations.
+            table_files: the solved value table of each name in the configurations.
             keep: what their run folders are to hold.
 
         Raises:
@@ -97,7 +115,7 @@ class StudyFolder:
             config = cell.config.model_copy(update={"seed": seed})
             run_folder = self.run_folder(cell, seed)
             if not is_complete(run_folder):
-                jobs.append(EpisodeJob(config, table_file(config.table), run_folder, keep))
+                jobs.append(EpisodeJob(config, table_files[config.table], run_folder, keep))
             elif config_of(run_folder) != config_toml(config):
                 raise RunFolderError(
                     f"{run_folder} was driven with another configuration than is asked for now; resume with the"

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from functools import cache
+from importlib.metadata import version
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import pandas as pd
 
 from hj_cosim import __version__
 from hj_cosim.locations import runs_folder
-from hj_cosim.reachability.value_table import find_specification, load_table, table_path
+from hj_cosim.reachability.value_table import find_specification, load_table, specification_hash, table_path
 from hj_cosim.study.cluster import DaskCluster
 from hj_cosim.study.design import StudyDesign, design_study, parse_variation
 from hj_cosim.study.driving import drive_episode
@@ -114,8 +114,10 @@ def run_study(
         assignments=tuple(assignments),
     )
     engine: Engine = LocalWorkers(workers) if scheduler is None else DaskCluster(scheduler)
-    description = {
-        "hj_cosim": __version__,
+    study_folder = StudyFolder(folder or new_study_folder(design), design)
+    study_folder.prepare(resume=resume)
+    tables = {name: load_table(name, solving) for name in sorted({cell.config.table for cell in design.cells})}
+    request = {
         "scenarios": [scenarios] if isinstance(scenarios, str) else list(scenarios),
         "stacks": [stack.name for stack in stacks],
         "episodes": episodes,
@@ -124,22 +126,19 @@ def run_study(
         "vary": list(vary),
         "set": list(assignments),
     }
+    hashes = {
+        f"table {name}": specification_hash(table.specification, table.dynamics) for name, table in tables.items()
+    }
     return conduct(
-        StudyFolder(folder or new_study_folder(design), design),
-        description,
+        study_folder,
         engine,
+        request=request,
+        program={"hj-cosim": __version__, "libsumo": version("libsumo"), **hashes},
         function=drive_episode,
-        table_file=cache(lambda name: solved_table(name, solving)),
+        table_files={name: table_path(find_specification(name)) for name in tables},
         keep=keep,
-        resume=resume,
         progress=progress,
     )
-
-
-def solved_table(name: str, progress: Progress | None = None) -> Path:
-    """Return the file of a solved value table; solve it first if there is none or its specification changed."""
-    load_table(name, progress)
-    return table_path(find_specification(name))
 
 
 def new_study_folder(design: StudyDesign) -> Path:
@@ -152,33 +151,33 @@ def new_study_folder(design: StudyDesign) -> Path:
 
 def conduct(
     folder: StudyFolder,
-    description: Mapping[str, Any],
     engine: Engine,
     *,
+    request: Mapping[str, Any],
+    program: Mapping[str, str],
     function: EpisodeFunction,
-    table_file: Callable[[str], Path],
+    table_files: Mapping[str, Path],
     keep: Keep = "all",
-    resume: bool = False,
     progress: Progress | None = None,
 ) -> Study:
     """Drive what a study's folder lacks, and write its tables.
 
     Args:
-        folder: the study's.
-        description: what goes into study.toml.
+        folder: the study's, prepared.
         engine: where the episodes are driven.
+        request: what was asked for, for study.toml.
+        program: the version of everything that an episode depends on besides its configuration.
         function: how one is driven.
-        table_file: tells the solved value table of a name; called before the first episode.
+        table_files: the solved value table of each name in the configurations.
         keep: what the run folders are to hold.
-        resume: whether a study that is there is gone on with.
         progress: called with the episodes done and the episodes in all.
 
     Raises:
         RunFolderError, WorkerError: as `run_study`.
     """
-    folder.prepare(resume=resume)
-    jobs = folder.remaining_jobs(table_file, keep)
-    folder.describe(description)
+    folder.require_same_program(program)
+    jobs = folder.remaining_jobs(table_files, keep)
+    folder.describe(request, program)
     total = len(folder.design.cells) * len(folder.design.seeds)
     present = total - len(jobs)
 

@@ -49,9 +49,20 @@ def conduct_synthetic(synthetic: ModuleType, design: StudyDesign, tmp_path: Path
     table = tmp_path / "table.npz"
     table.write_bytes(b"no episode here looks into it")
 
-    def conduct_it(folder: str, engine: Engine | None = None, study: StudyDesign = design, **changes) -> Study:
-        options = {"function": synthetic.drive, "table_file": lambda name: table, **changes}
-        return conduct(StudyFolder(tmp_path / folder, study), {"asked": "for"}, engine or InThisProcess(), **options)
+    def conduct_it(
+        folder: str,
+        engine: Engine | None = None,
+        *,
+        study: StudyDesign = design,
+        resume: bool = False,
+        version: str = "1.0",
+        **changes,
+    ) -> Study:
+        place = StudyFolder(tmp_path / folder, study)
+        place.prepare(resume=resume)
+        options = {"function": synthetic.drive, "table_files": {"highway": table}, **changes}
+        program = {"hj-cosim": version}
+        return conduct(place, engine or InThisProcess(), request={"asked": "for"}, program=program, **options)
 
     return conduct_it
 

@@ -13,7 +13,7 @@ from hj_cosim.study.results import is_complete
 
 @pytest.fixture
 def jobs(design, tmp_path):
-    return StudyFolder(tmp_path / "study", design).remaining_jobs(lambda name: tmp_path / "table.npz")
+    return StudyFolder(tmp_path / "study", design).remaining_jobs({"highway": tmp_path / "table.npz"})
 
 
 def test_every_job_is_done_once(jobs, synthetic):

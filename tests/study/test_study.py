@@ -32,8 +32,8 @@ from hj_cosim.study.study import conduct
 
 design = design_study(episodes=4, stacks=(Stack("hjop", "spc", "mi"), Stack("op", "none")))
 folder = StudyFolder(Path(sys.argv[1]), design)
-conduct(folder, {"asked": "for"}, LocalWorkers(2), function=synthetic_episodes.drive_slowly,
-        table_file=lambda name: Path(sys.argv[2]))
+conduct(folder, LocalWorkers(2), request={"asked": "for"}, program={"hj-cosim": "1.0"},
+        function=synthetic_episodes.drive_slowly, table_files={"highway": Path(sys.argv[2])})
 """
 
 
@@ -176,10 +176,18 @@ def test_a_resumed_study_may_get_more_episodes(conduct_synthetic, reproducible_f
 
 
 def test_another_study_is_not_mixed_into_a_folder(conduct_synthetic):
-    conduct_synthetic("study")
+    folder = conduct_synthetic("study").folder
     other = design_study(episodes=4, stacks=STACKS, assignments=("filter.epsilon=5",))
+    before = (folder / "study.toml").read_bytes()
     with pytest.raises(RunFolderError, match="driven with another configuration"):
         conduct_synthetic("study", study=other, resume=True)
+    assert (folder / "study.toml").read_bytes() == before
+
+
+def test_episodes_of_another_version_are_not_mixed_in(conduct_synthetic):
+    conduct_synthetic("study")
+    with pytest.raises(RunFolderError, match=r"begun with hj-cosim 1\.0, this is 2\.0"):
+        conduct_synthetic("study", resume=True, version="2.0")
 
 
 def test_a_folder_in_use_is_refused_before_any_work(conduct_synthetic, tmp_path):
