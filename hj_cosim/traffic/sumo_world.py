@@ -257,17 +257,16 @@ class SumoWorld:
             )
         self._move(ROBOT, lane, along, y + 0.5 * body.length * math.sin(heading), heading)
         self._lane[-1] = self._target_lane[-1] = lane
+        self._second_lane[-1] = neighbour if straddles else lane
         if straddles:
             if not self._has_ghost:
                 libsumo.vehicle.add(GHOST, "road", ROBOT)
                 libsumo.vehicle.setLaneChangeMode(GHOST, NO_LANE_CHANGES)
                 libsumo.vehicle.setSpeedMode(GHOST, SPEED_IS_OURS)
             self._move(GHOST, neighbour, along, road.lane_centre(neighbour), 0.0)
-            self._second_lane[-1] = neighbour
         elif self._has_ghost:
             libsumo.vehicle.remove(GHOST)
             del self._lane_in_sumo[GHOST]
-            self._second_lane[-1] = lane
         self._has_new_ghost = straddles and not self._has_ghost
         self._has_ghost = straddles
 
@@ -295,7 +294,7 @@ class SumoWorld:
         self._acceleration = (speed - self._speed) / self._step
         self._acceleration[-1] = robot_acceleration
         self._x, self._speed = x, speed
-        self._robot = robot_state
+        self._robot = np.array(robot_state)
         self._y[-1], self._heading[-1] = robot_state[1], robot_state[2]
         if self._changing:
             self._changing = [car for car in self._changing if self._read_changing(car)]
