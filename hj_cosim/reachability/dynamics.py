@@ -26,6 +26,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numba import cfunc, njit, types
+from numba.core.errors import NumbaError
 
 from hj_cosim.config import Boundary
 from hj_cosim.errors import ConfigurationError
@@ -131,9 +132,19 @@ def state_function(function: StateFunction) -> StateFunction:
 
 
 def pointer(function: StateFunction, signature: Any) -> Any:
-    """Return such a function as a C function that the kernel can be given."""
+    """Return such a function as a C function that the kernel can be given.
+
+    Raises:
+        ConfigurationError: if it does not compile for this signature.
+    """
     source = getattr(function, "py_func", function)
-    return cfunc(signature, cache=True, fastmath=FLOATING_POINT, error_model="numpy")(source)
+    try:
+        return cfunc(signature, cache=True, fastmath=FLOATING_POINT, error_model="numpy")(source)
+    except NumbaError as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise ConfigurationError(
+            f"{source.__code__.co_filename}: {source.__name__} does not compile: {reason}"
+        ) from error
 
 
 @cache

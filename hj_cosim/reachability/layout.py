@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hj_cosim.errors import ConfigurationError
 from hj_cosim.reachability.dynamics import Dynamics
 from hj_cosim.reachability.grid import Grid
+from hj_cosim.reachability.schemes import MOST_NODES
 
 LINEAR, AWAY_FROM_ZERO, PERIODIC = 0, 1, 2
 FRONT = 8  # numbers of room before the first node, and after the last: stencils read them and ignore what they read
@@ -70,8 +72,16 @@ class Layout:
 
 
 def lay_out(dynamics: Dynamics, grid: Grid, radius: int) -> Layout:
-    """Return the layout of a game's grid for schemes of a radius; half of it where the grid mirrors itself."""
+    """Return the layout of a game's grid for schemes of a radius; half of it where the grid mirrors itself.
+
+    Raises:
+        ConfigurationError: if the innermost axis is too long for the kernel's work arrays.
+    """
     inner = list(dynamics.slab_axes)
+    if grid.shape[inner[-1]] > MOST_NODES:
+        raise ConfigurationError(
+            f"grid.shape: {grid.shape[inner[-1]]} nodes along {dynamics.state[inner[-1]]}; at most {MOST_NODES} there"
+        )
     order = [axis for axis in range(grid.dimension) if axis not in inner] + inner
     nodes = np.array(grid.shape, np.int64)[order]
     origin = np.array(grid.lower)[order]

@@ -135,6 +135,19 @@ def test_a_wrong_grid_is_refused_in_a_sentence(specification_file: Path, wrong: 
         read_specification(specification_file)
 
 
+def test_a_user_game_that_does_not_compile_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "walker.py").write_text(USER_DYNAMICS.replace("c[0] * abs(p[0, i])", "c.speed"))
+    (tmp_path / "walker.toml").write_text(SPECIFICATION.replace('"double_integrator"', '"walker.py"'))
+    with pytest.raises(ConfigurationError, match="hamiltonian does not compile"):
+        load_table(str(tmp_path / "walker.toml"))
+
+
+def test_a_line_too_long_for_the_kernel_is_refused(braking: TableSpecification) -> None:
+    grid = braking.grid.model_copy(update={"shape": (3000, 11)})
+    with pytest.raises(ConfigurationError, match="3000 nodes along position"):
+        solve_table(braking.model_copy(update={"grid": grid}))
+
+
 def test_a_grid_of_another_dimension_than_the_game_is_refused(specification_file: Path) -> None:
     text = SPECIFICATION.replace('"double_integrator"', '"air3d"')
     specification_file.write_text(text)
