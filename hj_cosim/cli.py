@@ -232,9 +232,9 @@ def table_solve(
     from hj_cosim.reachability.value_table import find_specification, solve_table, table_path
 
     path = find_specification(specification)
-    changed = changed_specification(path, shape=shape, scheme=scheme)
     if out is None and (shape or scheme):
         raise ConfigurationError(f"--shape and --scheme make another table than {path} says: name its file with --out")
+    changed = changed_specification(path, shape=shape, scheme=scheme)
     target = out or table_path(path)
     with progress_bars() as bars:
         table = solve_table(changed, bar(bars, f"solving table {path.stem}"))
@@ -276,6 +276,33 @@ def table_show(
     written = save_drawing(value_slice(table), out or runs_folder() / "figures" / f"{path.stem}-slices")
     if not as_json:
         _print_files(written, as_json)
+
+
+@table_app.command("check", epilog=_example("hj-cosim table check highway --rollouts 100000"))
+def table_check(
+    specification: Specification,
+    rollouts: Annotated[int, typer.Option(min=1, help="Games played against the worst other car.")] = 10_000,
+    seconds: Annotated[float, typer.Option(min=0, help="What solving the finer tables may take.")] = 300.0,
+    as_json: Json = False,
+) -> None:
+    """Measure how good a table is: converged, near finer ones, and keeping its promise in closed loop."""
+    from hj_cosim.control.guarantee import RolloutSettings, measure_guarantee
+    from hj_cosim.reachability.quality import check_table
+    from hj_cosim.reachability.value_table import load_table
+
+    with progress_bars() as bars:
+        table = load_table(specification, bar(bars, f"solving table {specification}"))
+        quality = check_table(table, rollouts=rollouts, seconds=seconds, progress=bar(bars, "solving finer tables"))
+    found: dict[str, Any] = {"table": asdict(quality)}
+    if table.dynamics.name == "highway":  # the safety filter drives in no other game
+        for model in ("game", "bicycle"):
+            guarantee = measure_guarantee(table, RolloutSettings(rollouts=rollouts, model=model))
+            found[f"filter, {model}"] = {**asdict(guarantee), "entered_percent": guarantee.entered_percent}
+    if as_json:
+        print_json(found)
+    else:
+        for title, facts in found.items():
+            results.print(plain_table(f"{specification}: {title}", ("what", "value"), list(facts.items())))
 
 
 def main() -> None:

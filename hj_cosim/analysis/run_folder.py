@@ -5,6 +5,7 @@ compression are fixed, and nothing that depends on the time or the machine is wr
 """
 
 import json
+import os
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -48,13 +49,16 @@ def require_free_folder(folder: Path) -> None:
     """Check, before the work, that a run can be written to `folder`.
 
     Raises:
-        RunFolderError: if it is a file, or a folder that already holds something.
+        RunFolderError: if it is a file, a folder that already holds something, or where one may not write.
     """
     if folder.is_dir() and any(folder.iterdir()):
         what = "already holds a run" if (folder / SUMMARY).exists() else "is not empty"
         raise RunFolderError(f"{folder} {what}; choose another --out, or remove it")
     if folder.exists() and not folder.is_dir():
         raise RunFolderError(f"{folder} is a file, a run needs a folder; choose another --out")
+    above = next(parent for parent in folder.absolute().parents if parent.exists())
+    if not above.is_dir() or not os.access(above, os.W_OK):
+        raise RunFolderError(f"cannot write {folder}: {above} is no folder that you may write to; choose another --out")
 
 
 @contextmanager

@@ -5,9 +5,11 @@ from typing import Any
 
 import tomli_w
 
-from hj_cosim.config import PRESETS, EpisodeConfig, overlay, parse_assignment, validate
+from hj_cosim.config import PRESETS, DriverSettings, EpisodeConfig, overlay, parse_assignment, validate
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import scenarios_folder
+from hj_cosim.traffic.network import read_road
+from hj_cosim.traffic.placement import initial_traffic
 from hj_cosim.traffic.scenarios import network_path, scenario_data, scenario_path
 
 
@@ -28,10 +30,13 @@ def resolve_config(
 
     Raises:
         ConfigurationError: if anything is unknown, of the wrong type, or out of range.
+        NetworkError, ScenarioError: if the road cannot be used, or the cars do not fit on it.
     """
     if preset not in PRESETS:
         raise ConfigurationError(f"no preset is called {preset!r}; choose one of {', '.join(PRESETS)}")
-    data = overlay({"preset": preset}, PRESETS[preset])
+    # The drivers' defaults are laid out in full, so that a layer may name a distribution's deviation alone.
+    data: dict[str, Any] = {"preset": preset, "scenario": {"drivers": DriverSettings().model_dump()}}
+    data = overlay(data, PRESETS[preset])
     data = overlay(data, {"scenario": scenario_data(scenario)})
     # Each layer is checked before the next is laid over it, so that each is named for its own mistakes.
     config = validate(EpisodeConfig, data, str(scenario_path(scenario)))
@@ -41,7 +46,18 @@ def resolve_config(
     for source, layer in layers:
         data = overlay(data, layer)
         config = validate(EpisodeConfig, data, source)
+    _require_room(config)
     return config
+
+
+def _require_room(config: EpisodeConfig) -> None:
+    """Check the road and that the cars fit on it now, rather than after a value table has been solved.
+
+    Raises:
+        NetworkError, ScenarioError: as the world would, which builds the same.
+    """
+    network = config.scenario.network
+    initial_traffic(config.scenario, read_road(network_path(network), network.edge), config.robot, config.seed)
 
 
 def stack_flags(
