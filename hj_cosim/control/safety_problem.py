@@ -26,6 +26,8 @@ TIE_WEIGHT = 1e-6  # of λ_1, λ_2 after scaling by ω̄ and ā
 FEASIBILITY_TOLERANCE = 1e-4
 # The last resort, and the solver inside jitted rollouts.
 ENUMERATION = "enumeration"
+# In MI the desired control is the solution, of cost 0, where it lies in the box and meets all rows.
+NOT_NEEDED = "none needed"
 
 # What makes each backend of qpsolvers accurate on this problem: P is singular in t, and the tie weight is small.
 _BACKEND_OPTIONS: dict[str, dict[str, float | int | bool]] = {
@@ -102,6 +104,14 @@ def least_slack(rows: SafetyRows, box: np.ndarray) -> float:
     weights = np.array([half[0] ** -2, half[1] ** -2, 1e12])
     middle = (0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]))
     return least_cost_control(rows.p, rows.q, rows.c, middle[0], middle[1], weights, False, box)[2]
+
+
+@njit(cache=True)
+def _meets_all(omega: float, acceleration: float, p: np.ndarray, q: np.ndarray, c: np.ndarray, box: np.ndarray) -> bool:
+    for k in range(len(p)):
+        if p[k] * omega + q[k] * acceleration + c[k] < 0.0:
+            return False
+    return box[0] <= omega <= box[1] and box[2] <= acceleration <= box[3]
 
 
 @njit(cache=True)
@@ -210,6 +220,10 @@ class SafetySolver:
             desired_omega, desired_acceleration: rad/s, m/s²; finite, in the box or not.
             box: (4,) lower and upper ω, lower and upper a.
         """
+        if not self.weights.slack_is_free and _meets_all(
+            desired_omega, desired_acceleration, rows.p, rows.q, rows.c, box
+        ):
+            return SafetySolution(desired_omega, desired_acceleration, 0.0, NOT_NEEDED)  # its cost is 0
         linear, inequality = _scaled_problem(
             rows.p,
             rows.q,
