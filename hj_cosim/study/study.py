@@ -13,11 +13,13 @@ import pandas as pd
 from hj_cosim import __version__
 from hj_cosim.locations import runs_folder
 from hj_cosim.reachability.value_table import find_specification, load_table, specification_hash, table_path
+from hj_cosim.study.claims import claim_table
 from hj_cosim.study.cluster import DaskCluster
 from hj_cosim.study.design import StudyDesign, design_study, parse_variation
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.figures import draw_figures
 from hj_cosim.study.folder import (
+    CLAIMS_TABLE,
     COMPARISON,
     DIFFERENCES,
     EPISODES_TABLE,
@@ -54,6 +56,7 @@ class Study:
     table: pd.DataFrame  # table.csv
     differences: pd.DataFrame  # differences.csv
     comparison: pd.DataFrame  # comparison.csv
+    claims: pd.DataFrame  # claims.csv
     failures: tuple[Failure, ...]
 
 
@@ -232,10 +235,11 @@ def write_tables(folder: StudyFolder, failures: tuple[Failure, ...] = ()) -> Stu
             wall_times.append({**factors, **{name: result.summary[name] for name in MACHINE_DEPENDENT}})
         rows.append(Row(cell, RowStatistics(results), len(folder.design.seeds) - len(results)))
     table = study_table(rows)
-    study = Study(folder.path, table, difference_table(rows), comparison_table(table), failures)
+    study = Study(folder.path, table, difference_table(rows), comparison_table(table), claim_table(rows), failures)
     write_csv(study.table, folder.path / TABLE)
     write_csv(study.differences, folder.path / DIFFERENCES)
     write_csv(study.comparison, folder.path / COMPARISON)
+    write_csv(study.claims, folder.path / CLAIMS_TABLE)
     write_csv(pd.DataFrame(wall_times), folder.path / WALL_TIMES)
     write_parquet(episodes, folder.path / EPISODES_TABLE)
     write_parquet(windows, folder.path / WINDOWS)

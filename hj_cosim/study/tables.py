@@ -47,13 +47,13 @@ def difference_table(rows: Sequence[Row]) -> pd.DataFrame:
     The first row's factors have their names, the second one's `other_` before them. A factor is the stack, the
     scenario, or a varied knob; rows that differ in more than one say nothing about either.
     """
-    return pd.DataFrame(
-        [
-            _difference(first, second)
-            for first, second in combinations(rows, 2)
-            if _differing_factors(first.cell, second.cell) == 1
-        ]
-    )
+    records = [
+        _difference(first, second)
+        for first, second in combinations(rows, 2)
+        if _differing_factors(first.cell, second.cell) == 1
+    ]
+    factors = list(rows[0].cell.factors)
+    return pd.DataFrame(records, columns=None if records else [*factors, *(f"other_{f}" for f in factors)])
 
 
 def _difference(first: Row, second: Row) -> dict[str, Any]:

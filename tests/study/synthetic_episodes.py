@@ -56,6 +56,7 @@ def summary_of(record: RunRecord, config: EpisodeConfig) -> dict[str, Any]:
         "ttc_p10": float(np.percentile(threats.ttc, 10, method="lower")),
         "ttc_p1": float(np.percentile(threats.ttc, 1, method="lower")),
         "mean_speed": float(np.mean(robot.speed)),
+        "mean_abs_acceleration": float(np.mean(np.abs(robot.acceleration))),
         "intervention_percent": 100.0 * float(np.mean(robot.intervening)),
         "collisions": int(threats.collision.any()),
         "min_gap": float(threats.min_gap.min()),

@@ -86,6 +86,12 @@ def test_rows_are_compared_pair_by_pair_on_the_same_seeds(conduct_synthetic):
     assert row["mean_speed_lo"] <= row["mean_speed"] <= row["mean_speed_hi"] < 0.0
 
 
+def test_a_single_row_has_nothing_to_be_compared_with(conduct_synthetic):
+    study = conduct_synthetic("study", study=design_study(episodes=1, stacks=STACKS[1:]))
+    assert pd.read_csv(study.folder / "differences.csv").empty
+    assert pd.read_csv(study.folder / "claims.csv").empty
+
+
 def test_the_papers_numbers_stand_beside_ours(conduct_synthetic):
     comparison = conduct_synthetic("study").comparison
     assert list(comparison["mean_speed_paper"]) == [22.0, 28.141]
