@@ -114,7 +114,7 @@ def study_page(folder: Path, progress: Progress) -> str:
         f"<p>{missing} episodes are missing: they failed.</p>" if missing else "",
     ]
     if (folder / "comparison.csv").exists():
-        parts += ["<h2>Beside the paper</h2>", _plain_table(read_study_table(folder / "comparison.csv"))]
+        parts += ["<h2>Beside the paper</h2>", _intervals_table(read_study_table(folder / "comparison.csv"))]
     return _page(f"Study {folder.name}", [*parts, "<h2>Figures</h2>", *drawn])
 
 
@@ -158,19 +158,16 @@ def _shown(value: Any) -> str:
 
 
 def _intervals_table(table: pd.DataFrame) -> str:
-    """Return a study's table as HTML, each metric with its interval in one cell."""
+    """Return a study's table as HTML, each metric with its interval in one cell, and the paper's number beside it."""
     metrics = [name for name in table.columns if f"{name}_lo" in table.columns]
-    own = [name for name in table.columns if name not in metrics and not name.endswith(("_lo", "_hi"))]
-    rows = [
-        [_shown(row[name]) for name in own]
-        + [f"{_shown(row[name])} [{_shown(row[f'{name}_lo'])}, {_shown(row[f'{name}_hi'])}]" for name in metrics]
-        for _, row in table.iterrows()
-    ]
-    return _html_table([*own, *metrics], rows)
-
-
-def _plain_table(table: pd.DataFrame) -> str:
-    return _html_table(list(table.columns), [[_shown(value) for value in row] for row in table.itertuples(index=False)])
+    own = [name for name in table.columns if not any(name.startswith(metric) for metric in metrics)]
+    columns: dict[str, list[str]] = {name: [_shown(value) for value in table[name]] for name in own}
+    for metric in metrics:
+        bounds = zip(table[metric], table[f"{metric}_lo"], table[f"{metric}_hi"], strict=True)
+        columns[metric] = [f"{_shown(value)} [{_shown(low)}, {_shown(high)}]" for value, low, high in bounds]
+        if f"{metric}_paper" in table:
+            columns[f"{metric} (paper)"] = [_shown(value) for value in table[f"{metric}_paper"]]
+    return _html_table(list(columns), zip(*columns.values(), strict=True))
 
 
 def _html_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

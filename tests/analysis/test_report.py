@@ -48,6 +48,8 @@ def test_a_study_s_report_holds_its_table_with_intervals(tmp_path):
         for planner in ("hjop", "<b>")
     ]
     pd.DataFrame(rows).to_csv(tmp_path / "table.csv", index=False)
+    comparison = pd.DataFrame(rows).assign(mean_speed_paper=22.13).drop(columns="missing")
+    comparison.to_csv(tmp_path / "comparison.csv", index=False)
     windows = [
         {
             "planner": "hjop",
@@ -64,6 +66,8 @@ def test_a_study_s_report_holds_its_table_with_intervals(tmp_path):
     page = write_report(tmp_path).read_text()
 
     assert "0.5 [0.25, 0.75]" in page
+    assert "<th>mean_speed (paper)</th>" in page
+    assert page.count("<td>22.13</td>") == 2
     assert "&lt;b&gt;" in page
     assert "<td><b></td>" not in page
     assert "2 episodes are missing" in page
