@@ -164,6 +164,7 @@ class TrafficSettings(Settings):
     spacing_jitter: float = Field(0.1, ge=0, lt=1, description="± share of the spacing")
     speed_low: float = Field(23.0, ge=0, description="m/s at the start, at most what IDM holds at its gap")
     speed_high: float = Field(25.0, gt=0, description="m/s at the start")
+    check_collisions: bool = Field(True, description="SUMO looks for overlapping cars; slow beyond some 300 cars")
 
     @model_validator(mode="after")
     def _is_consistent(self) -> "TrafficSettings":

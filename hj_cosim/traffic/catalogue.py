@@ -103,7 +103,7 @@ def _line(name: str, field: FieldInfo) -> str:
     if isinstance(value, NormalDistribution):
         parts = ", ".join(f"{key} = {number}" for key, number in value.model_dump().items())
         return f"{name} = {{ {parts} }}{comment}"
-    text = f'"{value}"' if isinstance(value, str) else str(value)
+    text = f'"{value}"' if isinstance(value, str) else str(value).lower()  # TOML writes true and false small
     return f"{name} = {text}{comment}"
 
 

@@ -104,6 +104,7 @@ class SumoWorld:
         self._edge = scenario.network.edge
         self._step = step
         self._is_hand_made = scenario.is_hand_made
+        self._check_collisions = scenario.traffic.check_collisions
         self._mobil = mobil_parameters(
             scenario.drivers.politeness, scenario.drivers.gain_threshold, scenario.drivers.safe_braking
         )
@@ -133,7 +134,7 @@ class SumoWorld:
             self.road.lane_at(initial.robot[1]),
         )  # fmt: skip
         with _stderr_into(self._errors):  # what SUMO finds wrong is told by our own error
-            libsumo.start(command_line(network, routes, self._sumo_log, self._step, seed))
+            libsumo.start(command_line(network, routes, self._sumo_log, self._step, seed, self._check_collisions))
             libsumo.simulationStep()  # time 0: everyone is inserted, nobody has moved
         for name in self.vehicle_names:
             libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE)

@@ -147,6 +147,17 @@ def test_the_same_seed_gives_the_same_world_and_another_seed_another():
     assert not np.array_equal(first[0], states(12)[0])
 
 
+def test_whether_sumo_checks_for_collisions_changes_nothing_else():
+    def last(check: bool):
+        scenario = load_scenario("light")
+        traffic = scenario.traffic.model_copy(update={"check_collisions": check})
+        with SumoWorld(scenario.model_copy(update={"traffic": traffic}), RobotSettings(), seed=8) as world:
+            *_, (_, seen) = drive(world, 3.0)
+            return np.array([seen.x, seen.y, seen.speed])
+
+    assert last(True).tobytes() == last(False).tobytes()
+
+
 @pytest.mark.parametrize("name", ["light", "paper", "dense", "jam", "two_lanes", "six_lanes"])
 def test_scenarios_start_and_run_without_collisions(name):
     scenario = load_scenario(name)
