@@ -12,6 +12,7 @@ failures/<stack>/<seed>.log   of episodes that failed
 figures/
 """
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -117,10 +118,11 @@ class StudyFolder:
             run_folder = self.run_folder(cell, seed)
             if not is_complete(run_folder):
                 jobs.append(EpisodeJob(config, table_files[config.table], run_folder, keep))
-            elif config_of(run_folder) != config_toml(config):
+            elif (earlier := config_of(run_folder)) != config_toml(config):
                 raise RunFolderError(
-                    f"{run_folder} was driven with another configuration than is asked for now; resume with the"
-                    f" options in {self.path / STUDY}, or choose another --out"
+                    f"{run_folder} was driven with another configuration than is asked for now:"
+                    f" {_first_difference(earlier, config_toml(config))}; resume with the options in"
+                    f" {self.path / STUDY}, or choose another --out"
                 )
         return jobs
 
@@ -131,3 +133,19 @@ class StudyFolder:
         with whole_file(log) as temporary:
             temporary.write_text(f"{outcome.error}\n\n{outcome.log}", encoding="utf-8")
         return Failure(place.parent.as_posix(), outcome.job.config.seed, str(outcome.error), log)
+
+
+def _first_difference(earlier: str, now: str) -> str:
+    """Return which key of two configurations differs first, with both values."""
+    was, wanted = _flat(tomllib.loads(earlier)), _flat(tomllib.loads(now))
+    for key in was | wanted:
+        if was.get(key) != wanted.get(key):
+            return f"{key} was {was.get(key)!r} and is {wanted.get(key)!r}"
+    return "it is written differently"
+
+
+def _flat(nested: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in nested.items():
+        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
+    return flat
