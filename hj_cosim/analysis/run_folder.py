@@ -1,4 +1,4 @@
-"""A run's folder: config.toml, trajectories.parquet, robot.parquet, summary.json and figures/ (SPEC section 2).
+"""A run's folder: config.toml, trajectories.parquet, robot.parquet, drivers.parquet, summary.json and figures/.
 
 A folder appears whole or not at all, and the same record gives the same bytes: the order of the rows and the
 compression are fixed, and nothing that depends on the time or the machine is written into the Parquet files.
@@ -8,7 +8,7 @@ import json
 import os
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -19,7 +19,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from hj_cosim.analysis.columns import name_column, numeric_column
+from hj_cosim.analysis.columns import name_column, numeric_column, text_column
 from hj_cosim.analysis.record import NO_VEHICLE, ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
 from hj_cosim.errors import RunFolderError
 from hj_cosim.vehicles.road import Road
@@ -28,10 +28,19 @@ CONFIG = "config.toml"
 TRAJECTORIES = "trajectories.parquet"
 ROBOT = "robot.parquet"
 SUMMARY = "summary.json"
+DRIVERS = "drivers.parquet"
 FIGURES = "figures"
 
 ROWS_PER_GROUP = 1 << 17  # written and read at a time, so that a long drive of many cars needs little memory
 _TRAFFIC_FLOATS = ("x", "y", "heading", "speed", "acceleration")
+_DRIVER_COLUMNS = (  # in the order of vehicles.idm
+    "desired_speed",
+    "max_acceleration",
+    "comfortable_deceleration",
+    "time_headway",
+    "minimum_gap",
+    "exponent",
+)
 _ROAD_KEY = b"hj_cosim.road"
 
 
@@ -85,7 +94,13 @@ def whole_folder(folder: Path) -> Iterator[Path]:
         rmtree(temporary, ignore_errors=True)
 
 
-def write_run(folder: Path, record: RunRecord, config_text: str, summary: Mapping[str, Any]) -> None:
+def write_run(
+    folder: Path,
+    record: RunRecord,
+    config_text: str,
+    summary: Mapping[str, Any],
+    drivers: np.ndarray | None = None,
+) -> None:
     """Write a run's folder, without its figures; all of it or nothing.
 
     Args:
@@ -93,6 +108,7 @@ def write_run(folder: Path, record: RunRecord, config_text: str, summary: Mappin
         record: the run.
         config_text: the resolved configuration as TOML.
         summary: as `analysis.summary.summarize` returns it.
+        drivers: (J, 6) IDM parameters of the cars, in the order of vehicles.idm; drivers.parquet unless None.
 
     Raises:
         RunFolderError: if `folder` already holds something, or cannot be written.
@@ -101,6 +117,8 @@ def write_run(folder: Path, record: RunRecord, config_text: str, summary: Mappin
         (temporary / CONFIG).write_text(config_text, encoding="utf-8")
         write_trajectories(temporary / TRAJECTORIES, record)
         _write_table(temporary / ROBOT, robot_table(record))
+        if drivers is not None:
+            _write_table(temporary / DRIVERS, driver_table(record.traffic.names, drivers))
         (temporary / SUMMARY).write_text(summary_text(summary), encoding="utf-8")
         (temporary / FIGURES).mkdir()
 
@@ -158,6 +176,12 @@ def robot_table(record: RunRecord) -> pa.Table:
     return pa.table(columns)
 
 
+def driver_table(names: Sequence[str], drivers: np.ndarray) -> pa.Table:
+    """Return drivers.parquet's table: a row per car, what its driver was drawn with (`drivers` as in write_run)."""
+    columns = {name: numeric_column(drivers[:, number]) for number, name in enumerate(_DRIVER_COLUMNS)}
+    return pa.table({"vehicle": text_column(names), **columns})
+
+
 def _write_table(path: Path, table: pa.Table) -> None:
     pq.write_table(table, path, **_writing(table.schema))
 
@@ -180,12 +204,13 @@ def read_run(folder: Path) -> Run:
         RunFolderError: if the folder or one of its files is missing or broken.
     """
     config = read_config(folder)
+    missing = [name for name in (TRAJECTORIES, ROBOT, SUMMARY) if not (folder / name).exists()]
+    if missing:
+        raise RunFolderError(f"{folder} holds no complete run: {', '.join(missing)} is missing")
     try:
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
         with pq.ParquetFile(folder / TRAJECTORIES) as trajectories, pq.ParquetFile(folder / ROBOT) as robot:
             record = _read_record(trajectories, robot.read())
-    except FileNotFoundError as error:
-        raise RunFolderError(f"{folder} holds no complete run: {error.filename} is missing") from error
     except (OSError, ValueError, KeyError, IndexError) as error:  # pyarrow's and json's errors are among these
         raise RunFolderError(f"{folder} holds no readable run: {error}") from error
     return Run(folder, config, summary, record)

@@ -158,7 +158,19 @@ def test_what_is_no_run_is_refused_in_one_sentence(tmp_path, record):
     for name in ("robot.parquet", "trajectories.parquet", "summary.json"):
         path = tmp_path / "run" / name
         whole = path.read_bytes()
+        path.unlink()
+        with pytest.raises(RunFolderError, match=f"no complete run: {name} is missing"):
+            read_run(tmp_path / "run")
         path.write_bytes(whole[: len(whole) // 2])
         with pytest.raises(RunFolderError, match="no readable run"):
             read_run(tmp_path / "run")
         path.write_bytes(whole)
+
+
+def test_drivers_are_kept_by_name(tmp_path, record):
+    drivers = np.arange(6.0 * 12).reshape(12, 6)
+    write_run(tmp_path / "run", record, "", SUMMARY, drivers)
+    written = pd.read_parquet(tmp_path / "run" / "drivers.parquet")
+    assert written.vehicle.tolist() == list(record.traffic.names)
+    np.testing.assert_array_equal(written.drop(columns="vehicle").to_numpy(), drivers)
+    assert list(written.columns[1:3]) == ["desired_speed", "max_acceleration"]
