@@ -51,7 +51,7 @@ class PlannerSettings(Settings):
     kind: Literal["hjop", "op", "idle"] = "hjop"
     gamma_r: float = Field(0.9, ge=0, le=1, description="weight of the driving reward in HJOP; OP has 1")
     value_clip: float = Field(8.0, gt=0, description="m, the HJI reward is clipped to ± this")
-    expansions: int = Field(1000, ge=1, le=1_000_000, description="node expansions per plan")
+    expansions: int = Field(300, ge=1, le=1_000_000, description="node expansions per plan, some 4 to 6 ms of them")
     discount: float = Field(0.9, gt=0, lt=1, description="γ of the tree search")
     speed_weight: float = Field(0.4, ge=0, description="γ_1")
     lane_weight: float = Field(1.0, ge=0, description="γ_2")

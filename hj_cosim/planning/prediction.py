@@ -41,8 +41,9 @@ SECOND_LANE = 2  # the other lane that it occupies meanwhile, else its lane agai
 LEADER = 3  # the column of the nearest car ahead, or NOBODY; never the robot's
 FOLLOWS_IN = 4  # bit set of the lanes in which it is the nearest behind the robot
 BRANCH = 5  # which of the two motions holds, SHARED or REACTING
-SHARED = 0
-REACTING = 1
+# Typed: plain constants are literal types to Numba, which would compile the kernels that take them once for each.
+SHARED = np.int64(0)
+REACTING = np.int64(1)
 
 ROBOT = 0  # the robot's number among the vehicles of a scene; the cars have 1..J
 

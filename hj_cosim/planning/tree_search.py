@@ -122,8 +122,8 @@ def search(
     """
     nodes = tree.nodes
     action_values[:] = -math.inf
-    count, expansions, best = 1, 0, ROOT
-    leaves = push_leaf(tree.bound, tree.leaf, nodes, 0, ROOT, 1.0 / (1.0 - actions.discount))
+    count, expansions, best, leaves = 1, 0, ROOT, 0
+    leaves = push_leaf(tree.bound, tree.leaf, nodes, leaves, best, 1.0 / (1.0 - actions.discount))
     while leaves > 0 and expansions < actions.expansions:
         node = tree.leaf[0]
         leaves = pop_leaf(tree.bound, tree.leaf, nodes, leaves)
