@@ -68,18 +68,18 @@ def _origin(seen, car: int) -> int:
 def test_sumos_accelerations_are_idms_on_the_states_of_the_step_before():
     with SumoWorld(load_scenario("light"), RobotSettings(), seed=3) as world:
         compared = 0
-        for before, after in drive(world, 4.0):
+        for before, after in drive(world, 2.6):
             expected = idm_of_everybody(world, before)
             keeps_lane = np.isfinite(expected) & (expected > -world.drivers[:, 2])  # SUMO bounds the braking
             np.testing.assert_allclose(after.acceleration[keeps_lane], expected[keeps_lane], atol=1e-3)
             compared += int(keeps_lane.sum())
-    assert compared > 0.7 * 200 * 100
+    assert compared > 0.7 * 130 * 100
 
 
 def test_an_observation_is_what_sumos_getters_say():
     with SumoWorld(load_scenario("light"), RobotSettings(), seed=1) as world:
         between_lanes = 0
-        for _, seen in drive(world, 4.0):
+        for _, seen in drive(world, 2.0):
             for car, name in enumerate(world.vehicle_names):
                 lane = libsumo.vehicle.getLaneIndex(name)
                 lateral = libsumo.vehicle.getLateralLanePosition(name)
@@ -127,10 +127,10 @@ def test_every_car_decides_once_a_second_and_not_all_at_once():
     with SumoWorld(scenario, RobotSettings(), seed=0) as world:
         begun = [
             step % 50
-            for step, (before, after) in enumerate(drive(world, 15.0))
+            for step, (before, after) in enumerate(drive(world, 9.0))
             for _ in np.flatnonzero((after.target_lane != before.target_lane) & (after.y != before.y))
         ]
-    assert len(begun) > 20
+    assert len(begun) > 15
     assert set(begun) <= set(range(0, 50, 5))
     assert len(set(begun)) >= 5
 
