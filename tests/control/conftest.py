@@ -4,11 +4,16 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from hj_cosim.config import GridSettings, TableSpecification
 from hj_cosim.reachability.dynamics import find_dynamics
 from hj_cosim.reachability.value_table import ValueTable
 from hj_cosim.vehicles.observation import Observation
+
+# Property tests take the same examples every time, however long one takes on a busy machine.
+settings.register_profile("repeatable", deadline=None, derandomize=True)
+settings.load_profile("repeatable")
 
 SPECIFICATION = TableSpecification(
     dynamics="highway",
