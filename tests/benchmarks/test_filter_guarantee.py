@@ -1,0 +1,52 @@
+"""How much of its guarantee safety-preserving control keeps with the default table, and what the rest is lost to.
+
+The last line is the answer to whether the losses come from the time step: the same starts at a quarter of it.
+"""
+
+import dataclasses
+
+import pytest
+
+from hj_cosim.control.guarantee import GuaranteeReport, RolloutSettings, measure_guarantee
+from hj_cosim.reachability.value_table import ValueTable, load_table
+
+MANY = RolloutSettings(rollouts=100_000)
+FEWER = dataclasses.replace(MANY, rollouts=10_000)
+
+
+@pytest.fixture(scope="module")
+def table() -> ValueTable:
+    return load_table("highway")
+
+
+def describe(name: str, report: GuaranteeReport) -> str:
+    causes = ", ".join(f"{cause} {count}" for cause, count in report.causes.items())
+    return (
+        f"{name:34s}{report.rollouts:9d}{report.entered_percent:10.3f}{report.collided:10d}{report.collided_unturned:10d}"
+        f"{report.fall_median:8.2f}{report.fall_p99:8.2f}{report.unmet_percent:9.1f}   {causes}"
+    )
+
+
+def test_guarantee(benchmark, table):
+    cases = {
+        "worst other car": MANY,
+        "random desires": dataclasses.replace(FEWER, desire="random"),
+        "desires that lower V most": dataclasses.replace(FEWER, desire="collide"),
+        "robot moves as the bicycle": dataclasses.replace(FEWER, model="bicycle"),
+        "two of the worst": dataclasses.replace(FEWER, cars=2),
+        "three of the worst": dataclasses.replace(FEWER, cars=3),
+        "IDM driver, bicycle": dataclasses.replace(FEWER, others="driver", model="bicycle"),
+        "3 s instead of 10": dataclasses.replace(FEWER, duration=3.0),
+        "a quarter of the step": dataclasses.replace(FEWER, step=MANY.step / 4),
+    }
+    reports = {name: measure_guarantee(table, settings) for name, settings in cases.items()}
+    benchmark.pedantic(
+        measure_guarantee, args=(table, dataclasses.replace(MANY, rollouts=1000)), rounds=3, iterations=1
+    )
+    print(
+        f"\n{'rollouts':34s}{'number':>9s}{'entered %':>10s}{'collided':>10s}{'unturned':>10s}{'fall m':>8s}{'p99':>8s}"
+        f"{'unmet %':>9s}   causes of entries"
+    )
+    for name, report in reports.items():
+        print(describe(name, report))
+    assert all(sum(report.causes.values()) == report.entered for report in reports.values())
