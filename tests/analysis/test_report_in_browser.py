@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hj_cosim.analysis import report
 from hj_cosim.analysis.report import write_report
 from hj_cosim.analysis.run_folder import Run, read_run
 from hj_cosim.analysis.values import car_values
@@ -154,7 +155,9 @@ def run(tmp_path_factory, make_hostile_run) -> Run:
 
 @pytest.fixture(scope="module")
 def address(run, table) -> str:
-    return write_report(run.folder, table=table).as_uri()
+    with pytest.MonkeyPatch.context() as patch:  # figures are tested by themselves; two will do to see them loaded
+        patch.setattr(report, "RUN_FIGURES", {"timeline": "over time", "highway": "from above"})
+        return write_report(run.folder, table=table).as_uri()
 
 
 @pytest.fixture

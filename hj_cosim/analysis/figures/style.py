@@ -104,6 +104,10 @@ def save_drawing(drawing: Drawing, path: Path) -> list[Path]:
         HjCosimError: if a file cannot be written, or its suffix is another.
     """
     paths = [path] if path.suffix else [path.with_name(path.name + suffix) for suffix in (".png", ".pdf", ".csv")]
+    with house_style():
+        # Laid out once: every rendering would move things a little further, and cost as much again.
+        drawing.figure.draw_without_rendering()
+        drawing.figure.set_layout_engine("none")
     for target in paths:
         _save(drawing, target)
     return paths
