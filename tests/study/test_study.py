@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import psutil
 import pyarrow.parquet as pq
 import pytest
 
@@ -130,8 +131,11 @@ def test_a_study_that_was_killed_is_resumed_and_ends_the_same(
     deadline = time.monotonic() + 120.0
     while len(list(folder.glob("episodes/*/*/summary.json"))) < 2 and time.monotonic() < deadline:
         time.sleep(0.01)
+    workers = psutil.Process(process.pid).children()
     process.send_signal(signal.SIGKILL)
     process.wait()
+    _, orphans = psutil.wait_procs(workers, timeout=60.0)
+    assert not orphans
     # What a worker leaves that is cut short in the middle of writing.
     (folder / "episodes" / "op-none" / ".3-cut-short").mkdir(parents=True)
     done = [path.parent for path in folder.glob("episodes/*/*/summary.json")]
