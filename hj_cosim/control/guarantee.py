@@ -5,10 +5,13 @@ The robot is filtered by SPC, the other cars play the disturbance that lowers V 
 way has four causes, and every rollout that enters the target set is put down to one of them:
 
 - interpolation: V between the nodes is above 0 where the formula V(0, ·) is not;
-- grid: a car came into the table from beyond its edge with V <= 0 already;
-- horizon: no control could hold V; V(−3 s) is not the infinite-horizon value, or a kink of the table has no row that
-  can be met: the loss ∫ t dt of unmet rows is the largest;
+- grid edge: a car came into the table from beyond its edge with V <= 0 already;
+- unmet rows: no control could hold V, because the table is not the game's solution there (its nodes are too far apart,
+  or the horizon is too short), so that the loss ∫ t dt is at least half of the fall;
 - time step: V fell although the rows were met, for the control is held for a step while the gradient changes.
+
+Measured with V0's lateral term made linear, first order: a horizon of 9 s instead of 3 s changes nothing (40 % against
+39 % enter); WENO5 with nodes at two thirds of the distance in heading and speeds brings 37 % down to 27 %.
 """
 
 import math
@@ -30,7 +33,7 @@ Desire = Literal["cruise", "random", "collide"]
 Model = Literal["game", "bicycle"]
 Others = Literal["adversary", "driver"]
 
-CAUSES = ("interpolation", "grid", "horizon", "time step")
+CAUSES = ("interpolation", "grid edge", "unmet rows", "time step")
 
 _DESIRES: Mapping[Desire, int] = {"cruise": CRUISE, "random": RANDOM, "collide": COLLIDE}
 _CHUNK = 1000  # rollouts simulated before their trajectories are judged; bounds the memory
