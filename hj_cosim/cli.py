@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
+from rich.markup import escape
 
 from hj_cosim.console import bar, messages, plain_table, print_json, progress_bars, results, show_study, summary_table
 from hj_cosim.errors import ConfigurationError, HjCosimError
@@ -305,13 +306,18 @@ def table_check(
             results.print(plain_table(f"{specification}: {title}", ("what", "value"), list(facts.items())))
 
 
+_TYPER_INTERRUPTED = 130  # the status with which Typer answers Ctrl-C, without a word
+
+
 def main() -> None:
-    """Run the command line; what a user got wrong ends in one sentence and exit status 2."""
+    """Run the command line; what a user got wrong ends in one sentence and exit status 2, and so does Ctrl-C."""
     try:
         app()
     except HjCosimError as error:
-        messages.print(f"[bold red]error:[/bold red] {error}", highlight=False, soft_wrap=True, markup=True)
+        messages.print(f"[bold red]error:[/bold red] {escape(str(error))}", highlight=False, soft_wrap=True)
         sys.exit(2)
-    except KeyboardInterrupt:
-        messages.print("interrupted; nothing half-written was left")
-        sys.exit(2)
+    except SystemExit as stopped:
+        if stopped.code == _TYPER_INTERRUPTED:
+            messages.print("interrupted; nothing half-written was left, and a study goes on with --resume")
+            sys.exit(2)
+        raise

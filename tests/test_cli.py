@@ -1,6 +1,9 @@
 """The command line as a user meets it: results, mistakes, exit statuses."""
 
+import contextlib
 import json
+import os
+import signal
 import subprocess
 import sys
 
@@ -128,6 +131,25 @@ def test_mistake_ends_in_one_sentence_and_status_2(call, tmp_path, monkeypatch, 
     assert said in " ".join(err.split())
     assert "Traceback" not in err
     assert out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_ends_in_one_sentence_and_leaves_nothing(small_specification, tmp_path):
+    """On a terminal of its own, where the progress bar says when it is driving."""
+    command = [sys.executable, "-m", "hj_cosim", "run", "--duration", "300", "--table", str(small_specification)]
+    terminal, inside = os.openpty()
+    process = subprocess.Popen([*command, "--out", str(tmp_path / "run")], stdout=inside, stderr=inside)
+    os.close(inside)
+    said = b""
+    while b"driving paper" not in said:
+        said += os.read(terminal, 1000)
+    process.send_signal(signal.SIGINT)
+    with contextlib.suppress(OSError):  # what Linux answers when the other end of a terminal is closed
+        while chunk := os.read(terminal, 1000):
+            said += chunk
+    assert process.wait(timeout=60) == 2
+    assert b"interrupted; nothing half-written was left" in said
+    assert b"Traceback" not in said
     assert list(tmp_path.iterdir()) == []
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hj_cosim.analysis.metrics import collides
 from hj_cosim.analysis.record import RunRecord
 from hj_cosim.analysis.run_folder import FIGURES, read_run, require_free_folder, write_run
@@ -36,6 +38,7 @@ class Episode:
     config: EpisodeConfig
     record: RunRecord
     summary: Mapping[str, Any]
+    drivers: np.ndarray  # (J, 6) the background drivers' IDM parameters, in the order of vehicles.idm
 
 
 def drive(
@@ -123,7 +126,8 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
         safety_filter = make_filter(config.filter, config.robot, table, config.simulation.step)
         audit = PromiseAudit(table.arrays, promises=config.filter.kind == "spc")
         record = drive(world, planner, safety_filter, config, audit, progress)
-    return Episode(config, record, summarize(record, config, time.perf_counter() - started) | audit.summary())
+    summary = summarize(record, config, time.perf_counter() - started) | audit.summary()
+    return Episode(config, record, summary, world.drivers)
 
 
 def new_run_folder(config: EpisodeConfig) -> Path:
@@ -142,7 +146,7 @@ def write_episode(episode: Episode, folder: Path) -> None:
     Raises:
         RunFolderError: if `folder` already holds something, or cannot be written.
     """
-    write_run(folder, episode.record, config_toml(episode.config), episode.summary)
+    write_run(folder, episode.record, config_toml(episode.config), episode.summary, episode.drivers)
 
 
 def draw_episode(folder: Path) -> list[Path]:
