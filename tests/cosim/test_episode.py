@@ -120,7 +120,7 @@ def test_progress_reaches_the_end(small_table):
     world, calls = FakeWorld(), []
     planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, small_table)
     safety_filter = make_filter(config.filter, config.robot, small_table, 0.02)
-    drive(world, planner, safety_filter, config, lambda done, total: calls.append((done, total)))
+    drive(world, planner, safety_filter, config, progress=lambda done, total: calls.append((done, total)))
     assert calls == [(0, 125), (50, 125), (100, 125), (125, 125)]
 
 
