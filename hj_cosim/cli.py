@@ -3,6 +3,7 @@
 The library is imported inside the commands, so that `--help` and mistakes are answered at once.
 """
 
+import logging
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -11,7 +12,17 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.markup import escape
 
-from hj_cosim.console import bar, messages, plain_table, print_json, progress_bars, results, show_study, summary_table
+from hj_cosim.console import (
+    WarningCount,
+    bar,
+    messages,
+    plain_table,
+    print_json,
+    progress_bars,
+    results,
+    show_study,
+    summary_table,
+)
 from hj_cosim.errors import ConfigurationError, HjCosimError
 from hj_cosim.locations import runs_folder
 
@@ -50,6 +61,7 @@ def run(
     table: Annotated[str | None, typer.Option(help="A name in value_tables/ or a path to a specification.")] = None,
     assignments: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any knob.")] = None,
     out: Annotated[Path | None, typer.Option(help="The run's folder; a new one in runs/ by default.")] = None,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Print SUMO's warnings instead of counting them.")] = False,
     as_json: Json = False,
 ) -> None:
     """Drive one episode and write its folder."""
@@ -62,6 +74,9 @@ def run(
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=assignments or [])
     folder = out or new_run_folder(config)
     require_free_folder(folder)
+    warnings = WarningCount()
+    if not verbose:
+        logging.getLogger("hj_cosim").addHandler(warnings)
     with progress_bars() as bars:
         value_table = load_table(config.table, bar(bars, f"solving table {config.table}"))
         episode = run_in_sumo(config, value_table, bar(bars, f"driving {config.scenario.name}"))
@@ -75,6 +90,8 @@ def run(
         print_json({**episode.summary, "folder": str(folder)})
     else:
         results.print(summary_table(episode.summary))
+        if warnings.count:
+            results.print(f"[dim]SUMO warned {warnings.count} times; --verbose shows of what[/dim]")
         results.print(f"Everything is in [bold]{folder}[/bold]")
 
 

@@ -1,6 +1,7 @@
 """What people see in the terminal: progress bars, result tables, errors. Scripts take --json instead."""
 
 import json
+import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -35,6 +36,18 @@ _SUMMARY_ROWS = (
     ("wall_seconds", "wall time", "s", ".2f"),
     ("real_time_factor", "faster than real time", "x", ".1f"),
 )
+
+
+class WarningCount(logging.Handler):
+    """Counts the library's warnings (SUMO's among them) instead of printing them."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.count = 0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Count one."""
+        self.count += 1
 
 
 def progress_bars() -> Progress:
