@@ -18,6 +18,7 @@ shape (2, dimension): at a limit an input that would cross it is not available; 
 
 import hashlib
 import importlib.util
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
@@ -177,10 +178,14 @@ def find_dynamics(name: str, folder: Path | None = None) -> Dynamics:
     path = ((folder or Path()) / Path(name).expanduser()).resolve()
     if not path.is_file():
         raise ConfigurationError(f"dynamics = {name!r}: there is no file {path}")
-    specification = importlib.util.spec_from_file_location(f"hj_cosim_dynamics_{path.stem}", path)
+    place = hashlib.sha256(str(path).encode()).hexdigest()[:16]  # two files of one name are two modules
+    module_name = f"hj_cosim_dynamics_{path.stem}_{place}"
+    specification = importlib.util.spec_from_file_location(module_name, path)
     if specification is None or specification.loader is None:
         raise ConfigurationError(f"dynamics = {name!r}: {path} cannot be imported as Python")
     module = importlib.util.module_from_spec(specification)
+    # Numba's cache looks the module up by its name when it loads a function that another process compiled.
+    sys.modules[module_name] = module
     try:
         specification.loader.exec_module(module)
     except (SyntaxError, ImportError, NameError, AttributeError, TypeError, ValueError) as error:

@@ -1,5 +1,7 @@
 import itertools
 import math
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -171,6 +173,20 @@ def test_a_user_game_in_a_file_of_its_own_is_found(tmp_path: Path) -> None:
     game = find_dynamics("walker.py", tmp_path)
     assert game.name == "walker"
     assert game.fingerprint
+
+
+def test_a_file_of_ones_own_is_solved_again_in_another_process(tmp_path: Path) -> None:
+    (tmp_path / "walker.py").write_text(USER_DYNAMICS)
+    (tmp_path / "mine.toml").write_text(
+        'dynamics = "walker.py"\nhorizon = 0.3\nscheme = "first_order"\n'
+        "[grid]\nlower = [-2.0, -1.0]\nupper = [2.0, 1.0]\nshape = [41, 11]\n"
+    )
+    solve = f"from hj_cosim import solve_table; print(solve_table({str(tmp_path / 'mine.toml')!r}).values.min())"
+    printed = [
+        subprocess.run([sys.executable, "-c", solve], capture_output=True, text=True, check=True).stdout
+        for _ in range(2)  # the second one loads what the first one compiled
+    ]
+    assert printed == ["-0.5\n", "-0.5\n"]
 
 
 @pytest.mark.parametrize(
