@@ -52,7 +52,7 @@ def _worst_inputs(gradient: np.ndarray, speed: float, other: Disturbance) -> tup
 def _gradient_within(game: Game, state: np.ndarray, gradient: np.ndarray) -> float:
     """Return V, and write ∇V; beyond the table V is +inf, and the gradient that of the nearest place on its edge."""
     table = game.table
-    low, cells = table.lower, table.values.shape
+    low, cells = table.lower, table.deficit.shape
     x = min(max(state[0], low[0]), low[0] + (cells[0] - 1) / table.inverse_spacing[0])
     y = min(max(state[1], low[1]), low[1] + (cells[1] - 1) / table.inverse_spacing[1])
     value = value_and_gradient_at(table, x, y, state[2], state[3], state[4], gradient)

@@ -290,7 +290,7 @@ def worst_value(state: np.ndarray, robot: int, heading: float, table: TableArray
     Stops at −clip: nothing below it changes the reward.
     """
     worst = math.inf
-    lower, inverse_spacing, shape = table.lower, table.inverse_spacing, table.values.shape
+    lower, inverse_spacing, shape = table.lower, table.inverse_spacing, table.deficit.shape
     rear, right = lower[0], lower[1]
     front, left = rear + (shape[0] - 1) / inverse_spacing[0], right + (shape[1] - 1) / inverse_spacing[1]
     for car in range(state.shape[1]):

@@ -1,4 +1,9 @@
-"""Multilinear look-ups in the five-dimensional table, for the planner and the filter (jitted).
+"""Look-ups in the five-dimensional table, for the planner and the filter (jitted).
+
+V is looked up as V0 − W: V0 = V(0, ·) by its formula, and the deficit W = V0 − V >= 0 by multilinear interpolation
+between the nodes. So V <= V0 holds between the nodes as at them, and no state of the target set is ever taken for
+safe. Interpolating V itself is wrong by metres wherever V0 has its kinks, and to the unsafe side: |p_x| − d_long
+moves by some 20 m from one speed node to the next, and d_lat's floor lies far below it.
 
 Outside the grid in p_x or p_y another car is safe: V = +inf with a zero gradient. The heading and the speeds are
 clamped to the grid, and the gradient in a clamped coordinate is that of the nearest cell. `interpolation` serves
@@ -15,17 +20,22 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hj_cosim.reachability.target_formula import TargetFormula, target_and_gradient_at, target_at
+
 _ONE = np.uint64(1)
 
 
 class TableArrays(NamedTuple):
     """A highway value table as jitted code takes it; the state is (p_x_rel, p_y_rel, θ_r, v_r, v_o)."""
 
-    values: np.ndarray  # float32, C order, 5 axes
+    deficit: np.ndarray  # W, float32, C order, 5 axes
     flat: np.ndarray  # the same, one axis
     # Tuples, not arrays: jitted code counts references to every array that it takes out of a tuple, which adds up.
     lower: tuple[float, float, float, float, float]  # the first nodes
+    upper: tuple[float, float, float, float, float]  # the last
     inverse_spacing: tuple[float, float, float, float, float]
+    target: TargetFormula
+    has_target: bool  # else the game is another with the same state: V0 counts as 0, and W is −V
 
 
 class Cell(NamedTuple):
@@ -44,6 +54,52 @@ class Cell(NamedTuple):
 
 
 @njit(cache=True)
+def deficits(values: np.ndarray, lower: np.ndarray, spacing: np.ndarray, target: TargetFormula) -> np.ndarray:
+    """Return W = V0 − V at the nodes, float32 of the shape of `values`, V's; rounding aside it is nowhere negative."""
+    found = np.empty_like(values)
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            for k in range(values.shape[2]):
+                for m in range(values.shape[3]):
+                    for n in range(values.shape[4]):
+                        above = target_at(
+                            target,
+                            lower[0] + i * spacing[0],
+                            lower[1] + j * spacing[1],
+                            lower[2] + k * spacing[2],
+                            lower[3] + m * spacing[3],
+                            lower[4] + n * spacing[4],
+                        )
+                        found[i, j, k, m, n] = max(above - values[i, j, k, m, n], 0.0)
+    return found
+
+
+@njit(cache=True)
+def _clamped(table: TableArrays, axis: int, coordinate: float) -> float:
+    return min(max(coordinate, table.lower[axis]), table.upper[axis])
+
+
+@njit(cache=True)
+def _target(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
+    """Return V0, m, with heading and speeds clamped to the grid; 0 for another game than the highway's."""
+    if not table.has_target:
+        return 0.0
+    theta, v_r, v_o = _clamped(table, 2, theta), _clamped(table, 3, v_r), _clamped(table, 4, v_o)
+    return target_at(table.target, p_x, p_y, theta, v_r, v_o)
+
+
+@njit(cache=True)
+def _target_and_gradient(
+    table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return V0 and its slopes, likewise."""
+    if not table.has_target:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    theta, v_r, v_o = _clamped(table, 2, theta), _clamped(table, 3, v_r), _clamped(table, 4, v_o)
+    return target_and_gradient_at(table.target, p_x, p_y, theta, v_r, v_o)
+
+
+@njit(cache=True)
 def _place(coordinate: float, nodes: int) -> tuple[np.uint64, float]:
     """Return the cell that a coordinate in units of the spacing lies in, and where in it, clamped to the grid."""
     clamped = min(max(coordinate, 0.0), nodes - 1.0)
@@ -55,12 +111,12 @@ def _place(coordinate: float, nodes: int) -> tuple[np.uint64, float]:
 def _is_outside(table: TableArrays, p_x: float, p_y: float) -> bool:
     x = (p_x - table.lower[0]) * table.inverse_spacing[0]
     y = (p_y - table.lower[1]) * table.inverse_spacing[1]
-    return not (x >= 0.0 and y >= 0.0 and x <= table.values.shape[0] - 1 and y <= table.values.shape[1] - 1)
+    return not (x >= 0.0 and y >= 0.0 and x <= table.deficit.shape[0] - 1 and y <= table.deficit.shape[1] - 1)
 
 
 @njit(cache=True)
 def _cell_of(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> Cell:
-    lower, inverse, shape = table.lower, table.inverse_spacing, table.values.shape
+    lower, inverse, shape = table.lower, table.inverse_spacing, table.deficit.shape
     i, x = _place((p_x - lower[0]) * inverse[0], shape[0])
     j, y = _place((p_y - lower[1]) * inverse[1], shape[1])
     k, t = _place((theta - lower[2]) * inverse[2], shape[2])
@@ -124,12 +180,13 @@ def value_and_gradient_at(
     flat, share, inverse = table.flat, cell.x, table.inverse_spacing
     low, low_y, low_t, low_r, low_o = _over_width(flat, cell.corner, cell)
     high, high_y, high_t, high_r, high_o = _over_width(flat, cell.corner + cell.step_x, cell)
-    gradient_out[0] = (high - low) * inverse[0]
-    gradient_out[1] = (low_y + share * (high_y - low_y)) * inverse[1]
-    gradient_out[2] = (low_t + share * (high_t - low_t)) * inverse[2]
-    gradient_out[3] = (low_r + share * (high_r - low_r)) * inverse[3]
-    gradient_out[4] = (low_o + share * (high_o - low_o)) * inverse[4]
-    return float(low + share * (high - low))
+    target, by_x, by_y, by_theta, by_r, by_o = _target_and_gradient(table, p_x, p_y, theta, v_r, v_o)
+    gradient_out[0] = by_x - (high - low) * inverse[0]
+    gradient_out[1] = by_y - (low_y + share * (high_y - low_y)) * inverse[1]
+    gradient_out[2] = by_theta - (low_t + share * (high_t - low_t)) * inverse[2]
+    gradient_out[3] = by_r - (low_r + share * (high_r - low_r)) * inverse[3]
+    gradient_out[4] = by_o - (low_o + share * (high_o - low_o)) * inverse[4]
+    return target - float(low + share * (high - low))
 
 
 @njit(cache=True)
@@ -142,7 +199,8 @@ def value_at(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: floa
     # The slopes are not used, and the compiler leaves them out.
     low = _over_width(flat, cell.corner, cell)[0]
     high = _over_width(flat, cell.corner + cell.step_x, cell)[0]
-    return float(low + cell.x * (high - low))
+    deficit = float(low + cell.x * (high - low))
+    return _target(table, p_x, p_y, theta, v_r, v_o) - deficit
 
 
 @njit(cache=True)

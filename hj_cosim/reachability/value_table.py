@@ -4,6 +4,7 @@ import hashlib
 import json
 import zipfile
 from dataclasses import asdict, dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,16 @@ from hj_cosim.files import whole_file
 from hj_cosim.reachability.dynamics import Dynamics, find_dynamics
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.interpolation import interpolate
-from hj_cosim.reachability.lookup import TableArrays
+from hj_cosim.reachability.lookup import TableArrays, deficits, values_and_gradients
 from hj_cosim.reachability.solver import Progress, SolveReport, solve, state_limits
+from hj_cosim.reachability.systems import highway
+from hj_cosim.reachability.target_formula import TargetFormula
 
 # Part of every specification's hash: raised when the solver changes what it computes, so that tables are re-solved.
 _SOLVER_VERSION = 2
+
+# The highway game's parameters that V(0, ·) has, in the order in which its formula takes them.
+_FORMULA = tuple(highway.PARAMETERS)[6:]
 
 
 @dataclass(frozen=True)
@@ -42,27 +48,42 @@ class ValueTable:
         """Every parameter of the dynamics, as the table was solved with."""
         return {**self.dynamics.parameters, **self.specification.parameters}
 
-    @property
+    @cached_property
     def arrays(self) -> TableArrays:
         """The table as jitted look-ups take it.
 
         Raises:
             TableError: if it is not a table of the five-dimensional highway game.
         """
-        if self.dynamics.state != ("p_x", "p_y", "theta", "v_r", "v_o"):
+        if self.dynamics.state != highway.dynamics.state:
             raise TableError(
                 f"a table of {self.dynamics.name} has the state {', '.join(self.dynamics.state)};"
                 " planning and filtering need p_x, p_y, theta, v_r, v_o"
             )
         grid = self.grid
-        x, y, theta, v_r, v_o = grid.lower
-        per_x, per_y, per_theta, per_r, per_o = (float(1.0 / spacing) for spacing in grid.spacing)
+        lower, upper, spacing = np.array(grid.lower), np.array(grid.upper), np.array(grid.spacing)
+        has_target = self.dynamics.target is highway.target
+        parameters = highway.PARAMETERS | self.parameters
+        target = TargetFormula.of(*(parameters[name] for name in _FORMULA))
+        deficit = deficits(self.values, lower, spacing, target) if has_target else -self.values
         return TableArrays(
-            self.values, self.values.reshape(-1), (x, y, theta, v_r, v_o), (per_x, per_y, per_theta, per_r, per_o)
+            deficit,
+            deficit.reshape(-1),
+            _five(lower),
+            _five(upper),
+            _five(1.0 / spacing),
+            target,
+            has_target,
         )
 
     def value_and_gradient(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return V (N,) and ∂V/∂x (N, n) at `states` (N, n), outside the grid as the dynamics say."""
+        """Return V (N,) and ∂V/∂x (N, n) at `states` (N, n), outside the grid as the dynamics say.
+
+        A table of the highway game is looked up as planning and filtering do; of other games V is interpolated itself.
+        """
+        rows = np.atleast_2d(np.asarray(states, np.float64))
+        if self.dynamics.target is highway.target:
+            return values_and_gradients(self.arrays, rows)
         grid = self.grid
         return interpolate(
             self.values.reshape(-1),
@@ -71,7 +92,7 @@ class ValueTable:
             1.0 / grid.spacing,
             np.array([boundary == "periodic" for boundary in grid.boundary]),
             np.array([outside == "safe" for outside in self.dynamics.outside]),
-            np.atleast_2d(np.asarray(states, np.float64)),
+            rows,
         )
 
     def value(self, states: np.ndarray) -> np.ndarray:
@@ -159,6 +180,11 @@ class ValueTable:
             raise TableError(f"{path} was solved by another version of {dynamics.name}; solve it again")
         report_fields["shape"] = tuple(report_fields["shape"])
         return ValueTable(specification, dynamics, values, SolveReport(**report_fields))
+
+
+def _five(numbers: np.ndarray) -> tuple[float, float, float, float, float]:
+    first, second, third, fourth, fifth = (float(number) for number in numbers)
+    return first, second, third, fourth, fifth
 
 
 def specification_hash(specification: TableSpecification, dynamics: Dynamics) -> str:

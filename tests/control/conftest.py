@@ -1,5 +1,9 @@
-"""Value tables that need no solve: V(0, ·) on a coarse grid, and a linear V, which interpolation represents exactly."""
+"""Value tables that need no solve: V(0, ·) on a coarse grid, and a linear V, which interpolation represents exactly.
 
+A linear V is no solution of the highway game: its game has the same state and a target set of its own, none.
+"""
+
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -7,7 +11,7 @@ import pytest
 from hypothesis import settings
 
 from hj_cosim.config import GridSettings, TableSpecification
-from hj_cosim.reachability.dynamics import find_dynamics
+from hj_cosim.reachability.dynamics import Dynamics, find_dynamics
 from hj_cosim.reachability.value_table import ValueTable
 from hj_cosim.vehicles.observation import Observation
 
@@ -23,9 +27,12 @@ SPECIFICATION = TableSpecification(
 )
 
 
-def table_of(value: Callable[[np.ndarray], np.ndarray]) -> ValueTable:
+def no_target(x: np.ndarray, c: np.ndarray, out: np.ndarray) -> None:
+    out[:] = 1.0
+
+
+def table_of(value: Callable[[np.ndarray], np.ndarray], dynamics: Dynamics) -> ValueTable:
     """Return a table of V as a function of states (N, 5)."""
-    dynamics = find_dynamics("highway")
     empty = ValueTable(SPECIFICATION, dynamics, np.empty(0, np.float32), report=None)
     nodes = np.stack(np.meshgrid(*empty.grid.axes, indexing="ij"), axis=-1).reshape(-1, 5)
     values = value(nodes).astype(np.float32).reshape(empty.grid.shape)
@@ -36,19 +43,24 @@ def table_of(value: Callable[[np.ndarray], np.ndarray]) -> ValueTable:
 def table() -> ValueTable:
     dynamics = find_dynamics("highway")
     parameters = dynamics.parameter_values({}, "the test")
-    return table_of(lambda states: dynamics.target_values(states, parameters))
+    return table_of(lambda states: dynamics.target_values(states, parameters), dynamics)
 
 
 @pytest.fixture(scope="session")
-def linear_table() -> ValueTable:
+def game_without_target() -> Dynamics:
+    return dataclasses.replace(find_dynamics("highway"), target=no_target)
+
+
+@pytest.fixture(scope="session")
+def linear_table(game_without_target: Dynamics) -> ValueTable:
     """V = −p_x − 2 v_r + v_o − 20: the robot behind another car, safe when far or slow."""
-    return table_of(lambda states: states @ np.array([-1.0, 0.0, 0.0, -2.0, 1.0]) - 20.0)
+    return table_of(lambda states: states @ np.array([-1.0, 0.0, 0.0, -2.0, 1.0]) - 20.0, game_without_target)
 
 
 @pytest.fixture(scope="session")
-def safe_table() -> ValueTable:
+def safe_table(game_without_target: Dynamics) -> ValueTable:
     """V = −p_x − 8 v_r + 100, whose row a <= (v_o cosθ_o − v_r) / 8 can be met everywhere."""
-    return table_of(lambda states: states @ np.array([-1.0, 0.0, 0.0, -8.0, 0.0]) + 100.0)
+    return table_of(lambda states: states @ np.array([-1.0, 0.0, 0.0, -8.0, 0.0]) + 100.0, game_without_target)
 
 
 @pytest.fixture(scope="session")

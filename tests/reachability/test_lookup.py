@@ -2,7 +2,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
+from hj_cosim.config import TableSpecification
 from hj_cosim.reachability.lookup import TableArrays, value_and_gradient_at, value_at, values_and_gradients
+from hj_cosim.reachability.systems import highway
+from hj_cosim.reachability.target_formula import TargetFormula, target_and_gradient_at, target_at
+from hj_cosim.reachability.value_table import ValueTable, solve_table
 
 AXES = (
     np.linspace(-60.0, 60.0, 13),
@@ -16,12 +20,16 @@ HIGH = np.array([axis[-1] for axis in AXES])
 
 
 def arrays_of(values: np.ndarray) -> TableArrays:
-    values = np.ascontiguousarray(values, np.float32)
+    """Return the arrays of another game than the highway's, whose V is interpolated itself."""
+    deficit = np.ascontiguousarray(-values, np.float32)
     return TableArrays(
-        values,
-        values.reshape(-1),
+        deficit,
+        deficit.reshape(-1),
         tuple(float(axis[0]) for axis in AXES),  # type: ignore[arg-type]
+        tuple(float(axis[-1]) for axis in AXES),  # type: ignore[arg-type]
         tuple(float(1.0 / (axis[1] - axis[0])) for axis in AXES),  # type: ignore[arg-type]
+        TargetFormula(*[0.0] * 10),
+        has_target=False,
     )
 
 
@@ -32,7 +40,7 @@ def rough() -> TableArrays:
 
 def test_values_are_those_of_scipy(rough: TableArrays) -> None:
     states = np.random.default_rng(4).uniform(LOW, HIGH, (500, 5))
-    expected = RegularGridInterpolator(AXES, rough.values.astype(np.float64))(states)
+    expected = RegularGridInterpolator(AXES, -rough.deficit.astype(np.float64))(states)
     values, _ = values_and_gradients(rough, states)
     assert values == pytest.approx(expected, abs=1e-5)
     assert [value_at(rough, *state) for state in states] == pytest.approx(expected, abs=1e-5)
@@ -79,4 +87,80 @@ def test_headings_and_speeds_beyond_the_grid_are_clamped_not_safe(rough: TableAr
 def test_the_very_faces_belong_to_the_grid(rough: TableArrays) -> None:
     for corner in (LOW, HIGH):
         node = tuple(0 if corner is LOW else -1 for _ in range(5))
-        assert value_at(rough, *corner) == pytest.approx(float(rough.values[node]), abs=1e-6)
+        assert value_at(rough, *corner) == pytest.approx(-float(rough.deficit[node]), abs=1e-6)
+
+
+def states_in(table: ValueTable, seed: int, count: int = 2000, stretch: float = 1.0) -> np.ndarray:
+    lower, upper = np.array(table.grid.lower), np.array(table.grid.upper)
+    return np.random.default_rng(seed).uniform(lower * stretch, upper * stretch, (count, 5))
+
+
+def test_no_state_is_worth_more_than_the_formula_says(small_table: ValueTable) -> None:
+    states = states_in(small_table, 7, 20_000)
+    # float32 rounds a state, and the cubic is as steep as 400 at the grid's edge
+    assert (small_table.value(states) <= small_table.target_values(states) + 1e-2).all()
+    near = np.abs(small_table.target_values(states)) < 5.0
+    assert (small_table.value(states) <= small_table.target_values(states) + 1e-4)[near].all()
+
+
+def test_the_look_up_is_the_formula_less_what_scipy_makes_of_the_deficit(small_table: ValueTable) -> None:
+    states = states_in(small_table, 8)
+    nodes = np.stack(np.meshgrid(*small_table.grid.axes, indexing="ij"), axis=-1).reshape(-1, 5)
+    deficit = small_table.target_values(nodes).reshape(small_table.values.shape).astype(float) - small_table.values
+    expected = small_table.target_values(states) - RegularGridInterpolator(small_table.grid.axes, deficit)(states)
+    assert small_table.value(states) == pytest.approx(expected, rel=1e-5, abs=1e-3)
+    assert [value_at(small_table.arrays, *state) for state in states] == pytest.approx(small_table.value(states))
+
+
+def test_at_the_nodes_the_look_up_is_the_table(small_table: ValueTable) -> None:
+    generator = np.random.default_rng(9)
+    index = np.stack([generator.integers(0, nodes, 2000) for nodes in small_table.grid.shape], axis=-1)
+    states = np.stack([axis[i] for axis, i in zip(small_table.grid.axes, index.T, strict=True)], axis=-1)
+    assert small_table.value(states) == pytest.approx(small_table.values[tuple(index.T)], rel=1e-6, abs=1e-3)
+
+
+def test_the_gradient_is_the_slope_of_the_look_up_away_from_its_kinks(small_table: ValueTable) -> None:
+    states, steps = states_in(small_table, 10), 1e-3 * np.array(small_table.grid.spacing)
+    values, gradients = values_and_gradients(small_table.arrays, states)
+    for axis in range(5):
+        step = steps[axis]
+        shift = step * np.eye(5)[axis]
+        ahead = (small_table.value(states + shift) - values) / step
+        behind = (values - small_table.value(states - shift)) / step
+        # The values are float32, the cubic bends: differences are good to so much.
+        accuracy = 0.02 * np.abs(gradients[:, axis]) + 0.2
+        smooth = np.isfinite(ahead - behind) & (np.abs(ahead - behind) <= accuracy)
+        assert smooth.mean() > 0.95
+        assert (np.abs(gradients[:, axis] - 0.5 * (ahead + behind)) <= accuracy)[smooth].all()
+
+
+def test_look_ups_are_finite_wherever_there_is_a_table(small_table: ValueTable) -> None:
+    special = np.array([0.0, -0.0, 1e-300, -1e-300, 7.0, -7.0, 1e9, -1e9])
+    states = states_in(small_table, 11, 20_000, stretch=1.2)
+    generator = np.random.default_rng(12)
+    states = np.where(generator.random(states.shape) < 0.3, generator.choice(special, states.shape), states)
+    values, gradients = values_and_gradients(small_table.arrays, states)
+    lower, upper = np.array(small_table.grid.lower), np.array(small_table.grid.upper)
+    inside = ((states >= lower) & (states <= upper))[:, :2].all(axis=1)
+    assert np.array_equal(np.isfinite(values), inside)
+    assert np.isfinite(gradients).all()
+    assert (gradients[~inside] == 0.0).all()
+
+
+def test_a_margin_lowers_what_is_looked_up(highway_small: TableSpecification, small_table: ValueTable) -> None:
+    careful = solve_table(highway_small.model_copy(update={"margin": 0.25}))
+    states = states_in(small_table, 13)
+    assert careful.value(states) == pytest.approx(small_table.value(states) - 0.25, abs=1e-3)
+
+
+def test_the_formula_is_the_solvers_target(small_table: ValueTable) -> None:
+    rng = np.random.default_rng(14)
+    states = states_in(small_table, 15, 5000)
+    states = np.where(rng.random(states.shape) < 0.1, 0.0, states).astype(np.float32).astype(np.float64)
+    for parameters in ({}, {"brake_min": 5.0, "brake_max": 8.0, "lateral_margin": 0.4, "response_time": 1.0}):
+        named = highway.PARAMETERS | parameters
+        formula = TargetFormula.of(*(named[name] for name in list(named)[6:]))
+        expected = highway.dynamics.target_values(states, highway.dynamics.parameter_values(parameters, "the test"))
+        found = [target_at(formula, *state) for state in states]
+        assert found == pytest.approx(expected, rel=1e-5, abs=1e-3)
+        assert [target_and_gradient_at(formula, *state)[0] for state in states] == pytest.approx(found, abs=1e-12)

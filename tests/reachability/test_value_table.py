@@ -1,3 +1,4 @@
+import dataclasses
 import json
 from pathlib import Path
 
@@ -174,17 +175,25 @@ def test_a_user_game_is_solved_from_its_own_file(tmp_path: Path) -> None:
     assert load_table(str(tmp_path / "walker.toml")).value(states)[0] == pytest.approx(-0.75)
 
 
-def test_the_general_and_the_fast_look_up_agree(small_table: ValueTable) -> None:
-    grid = small_table.grid
-    states = np.random.default_rng(0).uniform(np.array(grid.lower) * 1.1, np.array(grid.upper) * 1.1, (300, 5))
-    fast_values, fast_gradients = values_and_gradients(small_table.arrays, states)
-    values, gradients = small_table.value_and_gradient(states)
-    assert np.isinf(values).any()
-    finite = np.isfinite(values)
-    assert np.array_equal(finite, np.isfinite(fast_values))
-    assert fast_values[finite] == pytest.approx(values[finite], rel=1e-5, abs=1e-3)
-    assert fast_gradients == pytest.approx(gradients, rel=1e-3, abs=1e-2)
-    assert not small_table.in_grid(states[~finite]).any()
+def test_a_highway_table_is_looked_up_as_planning_and_filtering_do(small_table: ValueTable) -> None:
+    states = np.random.default_rng(0).uniform(-200.0, 200.0, (300, 5))
+    values, gradients = values_and_gradients(small_table.arrays, states)
+    assert np.array_equal(small_table.value(states), values)
+    assert np.array_equal(small_table.gradient(states), gradients)
+    assert not small_table.in_grid(states[np.isinf(values)]).any()
+
+
+def test_a_game_with_the_same_state_and_another_target_is_interpolated_itself(small_table: ValueTable) -> None:
+    def far(x: np.ndarray, c: np.ndarray, out: np.ndarray) -> None:
+        out[:] = 1.0
+
+    table = dataclasses.replace(small_table, dynamics=dataclasses.replace(small_table.dynamics, target=far))
+    lower, upper = np.array(table.grid.lower), np.array(table.grid.upper)
+    states = np.random.default_rng(1).uniform(lower, upper, (300, 5))
+    values, gradients = values_and_gradients(table.arrays, states)
+    assert table.value(states) == pytest.approx(values, rel=1e-5, abs=1e-3)
+    assert table.gradient(states) == pytest.approx(gradients, rel=1e-3, abs=1e-2)
+    assert (values > small_table.value(states)).any()
 
 
 def test_a_periodic_look_up_wraps() -> None:

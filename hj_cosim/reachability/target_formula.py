@@ -1,0 +1,131 @@
+"""V(0, ·) of the highway game at one state, with its slopes: what look-ups need besides the table (jitted).
+
+The same formula as `systems.highway.target`, which the solver takes, with everything that the parameters settle
+worked out beforehand: look-ups evaluate it for every car.
+"""
+
+import math
+from typing import NamedTuple
+
+from numba import njit
+
+
+class TargetFormula(NamedTuple):
+    """V(0, x) = max(|p_x| − length − d_long, 4 (|p_y| − width − d_lat)³) with RSS's distances as polynomials.
+
+    d_long = [rear_0 + rear_1 v_rear + rear_2 v_rear² − front_2 v_front²]_+
+    d_lat  = [lateral_0 + response s + lateral_2 [s + gained]_+²]_+, s the robot's speed towards the other car's side
+    """
+
+    length: float  # m
+    width: float
+    rear_0: float  # m
+    rear_1: float  # s
+    rear_2: float  # s²/m
+    front_2: float
+    lateral_0: float  # m, the other car's travel included
+    response: float  # s
+    gained: float  # m/s, in the response time
+    lateral_2: float  # s²/m
+
+    @classmethod
+    def of(
+        cls,
+        length: float,
+        width: float,
+        response_time: float,
+        acceleration: float,
+        brake_min: float,
+        brake_max: float,
+        lateral_acceleration: float,
+        lateral_brake: float,
+        lateral_margin: float,
+    ) -> "TargetFormula":
+        """Return the formula for the parameters of `systems.highway`."""
+        gained = response_time * acceleration
+        sideways = response_time * lateral_acceleration
+        half_travel = 0.5 * sideways * response_time
+        return cls(
+            length=length,
+            width=width,
+            rear_0=0.5 * gained * response_time + gained**2 / (2.0 * brake_min),
+            rear_1=response_time + gained / brake_min,
+            rear_2=1.0 / (2.0 * brake_min),
+            front_2=1.0 / (2.0 * brake_max),
+            lateral_0=2.0 * half_travel + sideways**2 / (2.0 * lateral_brake) + lateral_margin,
+            response=response_time,
+            gained=sideways,
+            lateral_2=1.0 / (2.0 * lateral_brake),
+        )
+
+
+@njit(cache=True)
+def _longitudinal_gap(formula: TargetFormula, p_x: float, v_r: float, v_o: float) -> tuple[float, float]:
+    """Return |p_x| − length − d_long, and d_long; the rear car is the one with the smaller p_x."""
+    ahead = p_x > 0.0
+    rear, front = (v_o if ahead else v_r), (v_r if ahead else v_o)
+    distance = formula.rear_0 + rear * (formula.rear_1 + rear * formula.rear_2) - formula.front_2 * front * front
+    distance = max(distance, 0.0)
+    return abs(p_x) - formula.length - distance, distance
+
+
+@njit(cache=True)
+def _lateral_distance(formula: TargetFormula, towards: float) -> float:
+    after_response = max(towards + formula.gained, 0.0)
+    return max(
+        formula.lateral_0 + formula.response * towards + formula.lateral_2 * after_response * after_response, 0.0
+    )
+
+
+@njit(cache=True)
+def _side_of(p_y: float, leftwards: float) -> float:
+    """Return 1 if the robot is on the left of the other car, else −1; at p_y = 0 the side that it moves away from."""
+    if p_y == 0.0:
+        return -1.0 if leftwards > 0.0 else 1.0
+    return 1.0 if p_y > 0.0 else -1.0
+
+
+@njit(cache=True)
+def target_at(formula: TargetFormula, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
+    """Return V(0, x), m."""
+    gap_x, _ = _longitudinal_gap(formula, p_x, v_r, v_o)
+    beside = abs(p_y) - formula.width
+    if gap_x >= 4.0 * beside * beside * beside:  # whatever d_lat is: spares the sine
+        return gap_x
+    leftwards = v_r * math.sin(theta)
+    gap_y = beside - _lateral_distance(formula, -_side_of(p_y, leftwards) * leftwards)
+    return max(gap_x, 4.0 * gap_y * gap_y * gap_y)
+
+
+@njit(cache=True)
+def target_and_gradient_at(
+    formula: TargetFormula, p_x: float, p_y: float, theta: float, v_r: float, v_o: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return V(0, x), m, and its five slopes, per state unit.
+
+    Where V(0, ·) has a kink, one of its one-sided slopes: |p_x| − d_long's where both terms of the maximum are equal,
+    those of a robot behind at p_x = 0, on the side that it moves away from at p_y = 0, and 0 where [·]_+ begins.
+    """
+    gap_x, longitudinal = _longitudinal_gap(formula, p_x, v_r, v_o)
+    beside = abs(p_y) - formula.width
+    if gap_x < 4.0 * beside * beside * beside:
+        sin = math.sin(theta)
+        leftwards = v_r * sin
+        side = _side_of(p_y, leftwards)
+        towards = -side * leftwards
+        lateral = _lateral_distance(formula, towards)
+        gap_y = beside - lateral
+        cubic = 4.0 * gap_y * gap_y * gap_y
+        if gap_x < cubic:
+            steep = 12.0 * gap_y * gap_y * side
+            rise = formula.response + 2.0 * formula.lateral_2 * max(towards + formula.gained, 0.0)
+            by_leftwards = steep * rise if lateral > 0.0 else 0.0
+            return cubic, 0.0, steep, by_leftwards * v_r * math.cos(theta), by_leftwards * sin, 0.0
+    ahead = p_x > 0.0
+    rear, front = (v_o if ahead else v_r), (v_r if ahead else v_o)
+    grows = 1.0 if longitudinal > 0.0 else 0.0
+    by_rear = -grows * (formula.rear_1 + 2.0 * formula.rear_2 * rear)
+    by_front = grows * 2.0 * formula.front_2 * front
+    if ahead:
+        return gap_x, 1.0, 0.0, 0.0, by_front, by_rear
+    return gap_x, -1.0, 0.0, 0.0, by_rear, by_front
