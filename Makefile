@@ -3,12 +3,13 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN_ARGS ?=
 
-.PHONY: help run test lint bench clean
+.PHONY: help run test test-cluster lint bench pictures clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make run    set up, then drive the default co-simulation (RUN_ARGS='dense --seed 3' to vary it)"
 	@echo "make test   set up, then run the tests"
+	@echo "make test-cluster  a study on a Dask cluster of real processes on this machine"
 	@echo "make lint   ruff and mypy"
 	@echo "make bench  the benchmarks, measured against the peers in the same run"
 	@echo "make clean  remove the virtual environment and caches (tables and runs stay)"
@@ -17,7 +18,10 @@ run: .venv/.run-ready
 	@$(BIN)/hj-cosim run $(RUN_ARGS)
 
 test: .venv/.test-ready
-	@$(BIN)/python -m pytest -n 2 --dist loadfile
+	@$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+test-cluster: .venv/.test-ready
+	@$(BIN)/python -m pytest tests/study/cluster
 
 lint: .venv/.test-ready
 	@$(BIN)/ruff check .
@@ -26,6 +30,16 @@ lint: .venv/.test-ready
 
 bench: .venv/.bench-ready
 	@$(BIN)/python -m pytest tests/benchmarks -p no:xdist -s --benchmark-columns=median,iqr,rounds
+
+# The README's pictures, from a run of their own.
+pictures: .venv/.run-ready
+	rm -rf runs/pictures
+	$(BIN)/hj-cosim run --seed 2 --out runs/pictures/run
+	mv runs/pictures/run/figures/*.png runs/pictures/
+	$(BIN)/hj-cosim replay runs/pictures/run --out runs/pictures/replay.gif
+	$(BIN)/hj-cosim figure value-slice --out runs/pictures/value-slice.png
+	$(BIN)/hj-cosim figure planner-comparison --out runs/pictures/planner-comparison.png
+	rm -rf runs/pictures/run
 
 clean:
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache
