@@ -16,8 +16,8 @@ def scenario_with_fast_drivers(tmp_path):
 
 
 def test_preset_lies_over_the_defaults_and_under_the_scenario(scenario_with_fast_drivers):
-    assert resolve_config("paper").scenario.drivers.desired_speed.mean == 23.0
-    assert resolve_config("paper", preset="paper").scenario.drivers.desired_speed.mean == 22.0
+    assert resolve_config("paper").scenario.drivers.desired_speed.mean == 24.0
+    assert resolve_config("paper", preset="paper").scenario.drivers.desired_speed.mean == 23.0
     assert resolve_config(scenario_with_fast_drivers, preset="paper").scenario.drivers.desired_speed.mean == 28.0
 
 
