@@ -36,10 +36,11 @@ pictures: .venv/.run-ready
 	rm -rf runs/pictures
 	$(BIN)/hj-cosim run --seed 2 --out runs/pictures/run
 	mv runs/pictures/run/figures/*.png runs/pictures/
-	$(BIN)/hj-cosim replay runs/pictures/run --out runs/pictures/replay.gif
+	$(BIN)/hj-cosim run dense --duration 8 --seed 2 --out runs/pictures/short
+	$(BIN)/hj-cosim replay runs/pictures/short --out runs/pictures/replay.gif
 	$(BIN)/hj-cosim figure value-slice --out runs/pictures/value-slice.png
 	$(BIN)/hj-cosim figure planner-comparison --out runs/pictures/planner-comparison.png
-	rm -rf runs/pictures/run
+	rm -rf runs/pictures/run runs/pictures/short
 
 clean:
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache

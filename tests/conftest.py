@@ -2,8 +2,6 @@
 
 import os
 import shutil
-import os
-import shutil
 from pathlib import Path
 
 import pytest
@@ -46,14 +44,3 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say so when the browser test was left out; tests/analysis/conftest.py leaves it out."""
     if shutil.which("chromium") is None and "HJ_COSIM_REQUIRE_BROWSER" not in os.environ:
         terminalreporter.write_line("left out: tests/analysis/test_report_in_browser.py, for there is no chromium")
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Start with what takes longest in one piece, so that no worker waits for it at the end."""
-    items.sort(key=lambda item: item.path.name != "test_wheel.py" and item.path.parent.name != "study")
-
-
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say so when the browser test was left out (see tests/analysis/conftest.py)."""
-    if shutil.which("chromium") is None and "HJ_COSIM_REQUIRE_BROWSER" not in os.environ:
-        terminalreporter.write_line("left out: the report's test in a browser, for chromium is not installed")
