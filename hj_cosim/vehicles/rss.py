@@ -81,3 +81,9 @@ def lateral_distance(
         + margin
     )
     return max(distance, 0.0)
+
+
+@njit(cache=True)
+def stopping_distance(speed: float, brake: float) -> float:
+    """Return v² / (2 b), m; 0 for a car that stands or rolls back."""
+    return max(speed, 0.0) ** 2 / (2.0 * brake)
