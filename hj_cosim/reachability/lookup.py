@@ -1,9 +1,11 @@
 """Look-ups in the five-dimensional table, for the planner and the filter (jitted).
 
-V is looked up as V0 − W: V0 = V(0, ·) by its formula, and the deficit W = V0 − V >= 0 by multilinear interpolation
-between the nodes. So V <= V0 holds between the nodes as at them, and no state of the target set is ever taken for
-safe. Interpolating V itself is wrong by metres wherever V0 has its kinks, and to the unsafe side: |p_x| − d_long
-moves by some 20 m from one speed node to the next, and d_lat's floor lies far below it.
+V is looked up as s(V) = s(V0) − W: V0 = V(0, ·) by its formula, the deficit W = s(V0) − s(V) >= 0 by multilinear
+interpolation between the nodes, and s the scale of `value_scale`. So V <= V0 holds between the nodes as at them, and no
+state of the target set is ever taken for safe. Interpolating V itself is wrong by metres wherever V0 has its kinks,
+and to the unsafe side: |p_x| − d_long moves by some 20 m from one speed node to the next, and d_lat's floor lies far
+below it. Interpolating V0 − V is right to metres, but where V0 is a cubic that falls to 0 within a cell, the slope of
+V0 − V drowns V0's own, and a robot that steers towards the other car seems to gain by it.
 
 Outside the grid in p_x or p_y another car is safe: V = +inf with a zero gradient. The heading and the speeds are
 clamped to the grid, and the gradient in a clamped coordinate is that of the nearest cell. `interpolation` serves
@@ -21,6 +23,7 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.reachability.target_formula import TargetFormula, target_and_gradient_at, target_at
+from hj_cosim.reachability.value_scale import scaled, steepness, unscaled
 
 _ONE = np.uint64(1)
 
@@ -35,7 +38,7 @@ class TableArrays(NamedTuple):
     upper: tuple[float, float, float, float, float]  # the last
     inverse_spacing: tuple[float, float, float, float, float]
     target: TargetFormula
-    has_target: bool  # else the game is another with the same state: V0 counts as 0, and W is −V
+    has_target: bool  # else the game is another with the same state, and W is −V
 
 
 class Cell(NamedTuple):
@@ -55,7 +58,7 @@ class Cell(NamedTuple):
 
 @njit(cache=True)
 def deficits(values: np.ndarray, lower: np.ndarray, spacing: np.ndarray, target: TargetFormula) -> np.ndarray:
-    """Return W = V0 − V at the nodes, float32 of the shape of `values`, V's; rounding aside it is nowhere negative."""
+    """Return W = s(V0) − s(V) at the nodes, float32 of the shape of `values`, V's; nowhere negative."""
     found = np.empty_like(values)
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
@@ -70,7 +73,7 @@ def deficits(values: np.ndarray, lower: np.ndarray, spacing: np.ndarray, target:
                             lower[3] + m * spacing[3],
                             lower[4] + n * spacing[4],
                         )
-                        found[i, j, k, m, n] = max(above - values[i, j, k, m, n], 0.0)
+                        found[i, j, k, m, n] = max(scaled(above) - scaled(values[i, j, k, m, n]), 0.0)
     return found
 
 
@@ -81,9 +84,7 @@ def _clamped(table: TableArrays, axis: int, coordinate: float) -> float:
 
 @njit(cache=True)
 def _target(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
-    """Return V0, m, with heading and speeds clamped to the grid; 0 for another game than the highway's."""
-    if not table.has_target:
-        return 0.0
+    """Return V0, m, with heading and speeds clamped to the grid."""
     theta, v_r, v_o = _clamped(table, 2, theta), _clamped(table, 3, v_r), _clamped(table, 4, v_o)
     return target_at(table.target, p_x, p_y, theta, v_r, v_o)
 
@@ -93,8 +94,6 @@ def _target_and_gradient(
     table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float
 ) -> tuple[float, float, float, float, float, float]:
     """Return V0 and its slopes, likewise."""
-    if not table.has_target:
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     theta, v_r, v_o = _clamped(table, 2, theta), _clamped(table, 3, v_r), _clamped(table, 4, v_o)
     return target_and_gradient_at(table.target, p_x, p_y, theta, v_r, v_o)
 
@@ -180,13 +179,26 @@ def value_and_gradient_at(
     flat, share, inverse = table.flat, cell.x, table.inverse_spacing
     low, low_y, low_t, low_r, low_o = _over_width(flat, cell.corner, cell)
     high, high_y, high_t, high_r, high_o = _over_width(flat, cell.corner + cell.step_x, cell)
+    deficit = float(low + share * (high - low))
+    gradient_out[0] = -(high - low) * inverse[0]
+    gradient_out[1] = -(low_y + share * (high_y - low_y)) * inverse[1]
+    gradient_out[2] = -(low_t + share * (high_t - low_t)) * inverse[2]
+    gradient_out[3] = -(low_r + share * (high_r - low_r)) * inverse[3]
+    gradient_out[4] = -(low_o + share * (high_o - low_o)) * inverse[4]
+    if not table.has_target:
+        return -deficit
     target, by_x, by_y, by_theta, by_r, by_o = _target_and_gradient(table, p_x, p_y, theta, v_r, v_o)
-    gradient_out[0] = by_x - (high - low) * inverse[0]
-    gradient_out[1] = by_y - (low_y + share * (high_y - low_y)) * inverse[1]
-    gradient_out[2] = by_theta - (low_t + share * (high_t - low_t)) * inverse[2]
-    gradient_out[3] = by_r - (low_r + share * (high_r - low_r)) * inverse[3]
-    gradient_out[4] = by_o - (low_o + share * (high_o - low_o)) * inverse[4]
-    return target - float(low + share * (high - low))
+    scaled_target = scaled(target)
+    scaled_value = scaled_target - deficit
+    # ∇V = dV/ds (∇V0 / (dV0/ds) − ∇W)
+    steep = steepness(scaled_value)
+    share_of_target = steep / steepness(scaled_target)
+    gradient_out[0] = share_of_target * by_x + steep * gradient_out[0]
+    gradient_out[1] = share_of_target * by_y + steep * gradient_out[1]
+    gradient_out[2] = share_of_target * by_theta + steep * gradient_out[2]
+    gradient_out[3] = share_of_target * by_r + steep * gradient_out[3]
+    gradient_out[4] = share_of_target * by_o + steep * gradient_out[4]
+    return unscaled(scaled_value) if deficit > 0.0 else target
 
 
 @njit(cache=True)
@@ -200,7 +212,10 @@ def value_at(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: floa
     low = _over_width(flat, cell.corner, cell)[0]
     high = _over_width(flat, cell.corner + cell.step_x, cell)[0]
     deficit = float(low + cell.x * (high - low))
-    return _target(table, p_x, p_y, theta, v_r, v_o) - deficit
+    if not table.has_target:
+        return -deficit
+    target = _target(table, p_x, p_y, theta, v_r, v_o)
+    return unscaled(scaled(target) - deficit) if deficit > 0.0 else target
 
 
 @njit(cache=True)
