@@ -161,12 +161,14 @@ class SumoWorld:
         self._second_lane = self._lane.copy()
         self._length = np.append(np.full(count, CAR_LENGTH), self._robot_body.length)
         self._front_offset = 0.5 * self._length  # SUMO's positions are of front bumpers
+        self._contact_distance = 0.5 * (self._length[:-1] + self._length[-1])  # between the robot's centre and theirs
         self._width = np.append(np.full(count, CAR_WIDTH), self._robot_body.width)
         self._all_drivers = np.vstack([self.drivers, self._robot_driver])
         self._order = np.argsort(self._x, kind="stable")
         self._changing: list[int] = []
         self._robot = initial.robot.copy()
         self._has_ghost = self._has_new_ghost = False
+        self._is_beside_somebody = False  # in a lane of its own
         self._lane_in_sumo: dict[str, int] = {}  # of the vehicles that we move
 
     def observe(self) -> Observation:
@@ -274,13 +276,21 @@ class SumoWorld:
     def _move(self, name: str, lane: int, along: float, lateral: float, heading: float) -> None:
         """Put the middle of a vehicle's front bumper at a place in the road frame."""
         if self._lane_in_sumo.get(name, lane) != lane:
-            # Otherwise it goes on blocking the lane that it came from. It is set down where it is: SUMO takes a
-            # vehicle's speed from the way it makes in the step.
-            libsumo.vehicle.moveTo(name, f"{self._edge}_{lane}", libsumo.vehicle.getLanePosition(name))
+            # Otherwise it goes on blocking the lane that it came from.
+            self._put_into_lane(name, lane)
+        elif name in self._lane_in_sumo and self._is_beside_somebody:
+            # SUMO keeps a lane's vehicles in the order in which they came in: had the robot passed this car, those
+            # behind would follow the robot, through the car. Only from another lane is it put where it belongs.
+            self._put_into_lane(name, lane + 1 if lane == 0 else lane - 1)
+            self._put_into_lane(name, lane)
         self._lane_in_sumo[name] = lane
         x, y, direction = self.road.to_world(along, lateral, heading)
         angle = 90.0 - math.degrees(direction)
         libsumo.vehicle.moveToXY(name, self._edge, lane, x, y, angle, KEEP_EXACT_POSITION)
+
+    def _put_into_lane(self, name: str, lane: int) -> None:
+        """Set a vehicle into a lane of SUMO's where it is: SUMO takes its speed from the way it makes in the step."""
+        libsumo.vehicle.moveTo(name, f"{self._edge}_{lane}", libsumo.vehicle.getLanePosition(name))
 
     def _read_cars(self, robot_state: np.ndarray, robot_acceleration: float) -> None:
         if libsumo.simulation.getArrivedNumber():
@@ -299,6 +309,13 @@ class SumoWorld:
         self._y[-1], self._heading[-1] = robot_state[1], robot_state[2]
         if self._changing:
             self._changing = [car for car in self._changing if self._read_changing(car)]
+        self._is_beside_somebody = self._has_somebody_beside_it()
+
+    def _has_somebody_beside_it(self) -> bool:
+        """Return whether a car lies alongside the robot in a lane that both are in: it hits that car, or crowds it."""
+        beside = np.flatnonzero(np.abs(self._x[:-1] - self._x[-1]) < self._contact_distance)
+        lanes = {int(self._lane[-1]), int(self._second_lane[-1])}
+        return any(not lanes.isdisjoint((int(self._lane[car]), int(self._second_lane[car]))) for car in beside)
 
     def _read_changing(self, car: int) -> bool:
         """Read where a car is that was told to change lanes; return whether it is between lanes: not done or refused.
@@ -330,6 +347,7 @@ class SumoWorld:
         self._changing = [int(renumbered[car]) for car in self._changing if stays[car]]
         self._names = [name for name in self._names if name not in arrived]
         self._number = self._number[stays[:-1]]
+        self._contact_distance = self._contact_distance[stays[:-1]]
         self._order = renumbered[self._order[stays[self._order]]]
         for name in ("_turn", "_x", "_y", "_heading", "_speed", "_acceleration", "_lane", "_target_lane",
                      "_second_lane", "_length", "_front_offset", "_width", "_all_drivers"):  # fmt: skip

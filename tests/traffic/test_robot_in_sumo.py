@@ -12,6 +12,7 @@ from hj_cosim.vehicles.idm import idm_acceleration
 
 STEP = 0.02
 LANE_WIDTH = 4.0
+EMERGENCY_BRAKING = 9.0  # m/s², what SUMO lets a passenger car brake at most
 
 
 def free_acceleration(world: SumoWorld, car: int, speed: float) -> float:
@@ -176,3 +177,37 @@ def test_a_robot_that_weaves_for_a_minute_leaves_no_lane_blocked(open_scene):
         before = world.observe().speed
         put(world, float(y), 25.0)
         assert reacting(world, before) == []
+
+
+@pytest.mark.parametrize(("y", "lane"), [(4.0, 1), (6.5, 1), (6.5, 2)], ids=["centred", "straddling", "beside"])
+def test_who_comes_behind_follows_the_car_that_the_robot_has_driven_through(open_scene, y, lane):
+    cars = [
+        CarStart(lane=lane, x=9.03, speed=15.0, desired_speed=15.0),
+        CarStart(lane=lane, x=-30.0, speed=15.0, desired_speed=20.0),
+    ]
+    world = open_scene(cars, lane=1, speed=20.0)
+    for _ in range(250):
+        before = world.observe()
+        put(world, y, 20.0)
+        now = world.observe()
+        robot_gap = before.robot[0] - before.x[0] - 5.0
+        if robot_gap > 0.0:
+            gap = before.x[0] - before.x[1] - 5.0
+            expected = [
+                idm_acceleration(before.speed[0], robot_gap, 20.0, world.drivers[0]),
+                idm_acceleration(before.speed[1], gap, before.speed[0], world.drivers[1]),
+            ]
+            np.testing.assert_allclose(now.acceleration, np.maximum(expected, -EMERGENCY_BRAKING), atol=1e-3)
+        assert now.x[0] - now.x[1] > 5.0
+    assert robot_gap > 5.0
+
+
+def test_the_robot_keeps_its_place_and_speed_in_sumo_while_it_drives_through_a_car(open_scene):
+    world = open_scene([CarStart(lane=1, x=8.0, speed=15.0, desired_speed=15.0)], lane=1, speed=20.0)
+    for _ in range(200):
+        put(world, 4.3, 20.0)
+        front_x, front_y = libsumo.vehicle.getPosition(ROBOT)
+        assert (front_x - 2.5, front_y) == pytest.approx((world.observe().robot[0], 4.3), abs=1e-6)
+        assert libsumo.vehicle.getSpeed(ROBOT) == pytest.approx(20.0, abs=1e-6)
+        assert libsumo.vehicle.getLaneID(ROBOT) == "highway_1"
+    assert world.observe().x[0] < world.observe().robot[0]
