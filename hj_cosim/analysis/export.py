@@ -15,7 +15,6 @@ import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from hj_cosim.analysis.record import ROBOT_NAME
 from hj_cosim.analysis.run_folder import TRAJECTORIES, read_config, road_of
 from hj_cosim.errors import OutputError, RunFolderError
 from hj_cosim.files import whole_file
@@ -30,7 +29,8 @@ def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
 
     `csv` and `parquet` have the columns of trajectories.parquet, the names as plain strings, in compression that every
     reader knows. `fcd` is SUMO's floating car data: world coordinates of the middle of the front bumper, angles in
-    degrees clockwise from north, lane names, and positions along the lane.
+    degrees clockwise from north, lane names, and positions along the lane; SUMO replays it
+    (`sumo-gui --net-file NET --step-length 0.02 --device.fcd-replay.file FILE`).
 
     Args:
         folder: of the run.
@@ -116,7 +116,6 @@ def _fcd_lines(rows: pa.Table, road: Road, edge: str) -> pa.Array:
     vehicle = rows["vehicle"].combine_chunks()
     names = vehicle.dictionary.to_pylist()
     identity = [f'        <vehicle id="{escape(name, {chr(34): "&quot;"})}" x="' for name in names]
-    kind = ["robot" if name == ROBOT_NAME else "car" for name in names]
     columns: list[Any] = [
         pa.array(identity).take(vehicle.indices),
         _text(world_x),
@@ -124,9 +123,8 @@ def _fcd_lines(rows: pa.Table, road: Road, edge: str) -> pa.Array:
         _text(world_y),
         '" angle="',
         _text(angle),
-        '" type="',
-        pa.array(kind).take(vehicle.indices),
-        '" speed="',
+        # The type that SUMO knows without being told: so it replays the file as it is.
+        '" type="DEFAULT_VEHTYPE" speed="',
         rows["speed"].combine_chunks().cast(pa.string()),
         '" pos="',
         _text(front),

@@ -5,6 +5,7 @@ import io
 import logging
 import math
 import os
+import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -61,6 +62,14 @@ def _stderr_into(path: Path) -> Iterator[None]:
         finally:
             os.dup2(terminal, 2)
             os.close(terminal)
+
+
+def _without_ghost(lines: Sequence[str]) -> Iterator[str]:
+    """Yield SUMO's warnings with the ghost called what it stands for; those of the robot and its ghost are left out."""
+    for line in lines:
+        told = line.replace(GHOST, ROBOT)
+        if told == line or set(re.findall(r"[Vv]ehicle '([^']*)'", told)) != {ROBOT}:
+            yield told
 
 
 class SumoWorld:
@@ -363,7 +372,7 @@ class SumoWorld:
         if libsumo.isLoaded():
             libsumo.close()
         if self._sumo_log.is_file():
-            for line in self._sumo_log.read_text(encoding="utf-8", errors="replace").splitlines():
+            for line in _without_ghost(self._sumo_log.read_text(encoding="utf-8", errors="replace").splitlines()):
                 log.warning("SUMO: %s", line)
         self._folder.cleanup()
 

@@ -11,6 +11,7 @@ from hj_cosim.analysis.run_folder import write_run
 from hj_cosim.errors import OutputError, RunFolderError
 from hj_cosim.vehicles.road import Road
 
+FCD_NUMBERS = ("x", "y", "angle", "speed", "pos", "acceleration")
 CONFIG = '[scenario.network]\nedge = "high & way"\n'
 
 
@@ -43,16 +44,17 @@ def test_parquet_reads_back_with_plain_names(run, tmp_path):
 def test_fcd_reads_back_with_sumo_s_own_reader(run):
     path = export_run(run, "fcd")
     rows = [
-        (float(step.time), car.id, *(float(getattr(car, key)) for key in ("x", "y", "angle", "speed", "pos")), car.lane)
+        (float(step.time), car.id, *(float(getattr(car, key)) for key in FCD_NUMBERS), car.lane)
         for step in sumolib.xml.parse(str(path), "timestep")
         for car in step.vehicle
     ]
-    written = pd.DataFrame(rows, columns=["time", "vehicle", "x", "y", "angle", "speed", "pos", "lane"])
+    written = pd.DataFrame(rows, columns=["time", "vehicle", *FCD_NUMBERS, "lane"])
     expected = trajectories(run)
 
     np.testing.assert_allclose(written.time, expected.time, atol=1e-9)
     assert written.vehicle.tolist() == expected.vehicle.tolist()
     np.testing.assert_array_equal(written.speed, expected.speed)
+    np.testing.assert_array_equal(written.acceleration, expected.acceleration)
     assert written.lane.tolist() == [f"high & way_{lane}" for lane in expected.lane]
     # The road starts at (30, −14) and is turned by 0.25: back from the front bumper to the centre in the road's frame.
     heading = np.radians(90.0 - written.angle) - 0.25

@@ -1,5 +1,6 @@
 """The traps of SUMO around a vehicle that is moved from outside, each with the real libsumo."""
 
+import logging
 import math
 
 import libsumo
@@ -162,6 +163,17 @@ def test_the_ghost_is_in_sumo_but_in_no_observation(open_scene):
     for y in (7.5, 8.0):
         put(world, y, 20.0)
     assert GHOST not in libsumo.vehicle.getIDList()
+
+
+def test_sumos_warnings_about_the_ghost_are_told_of_the_robot_or_not_at_all(open_scene, caplog):
+    world = open_scene([CarStart(lane=2, x=5.5, speed=15.0, desired_speed=15.0)], lane=1)
+    for y in np.append(np.linspace(4.0, 7.0, 40), np.linspace(7.0, 4.0, 40)):  # it crowds the car, crosses, and returns
+        put(world, y, 20.0)
+    with caplog.at_level(logging.WARNING, logger="hj_cosim.traffic.sumo_world"):
+        world.close()
+    assert any("'robot'; collision with vehicle 'car_0'" in message for message in caplog.messages)
+    assert "'robot'; collision with vehicle 'robot'" not in caplog.text
+    assert "ghost" not in caplog.text
 
 
 def test_no_ghost_stands_beside_the_road(open_scene):
