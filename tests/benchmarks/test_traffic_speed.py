@@ -21,7 +21,8 @@ matplotlib.use("Agg")
 STEP = 0.02
 BLOCK = 25  # steps that are timed at once
 COUNTS = (50, 100, 200, 500, 1000, 2000)
-GROWTH_PLOT = Path(".benchmarks") / "traffic_growth.png"
+GROWTH = Path(".benchmarks") / "traffic_growth"  # .csv, the table, and .png, the plot
+GROWTH_COLUMNS = "cars,bare_sumo_us,cosimulation_us,outside_sumos_step_us"
 
 # Everything is one thread: its CPU time is the wall time of a machine that does nothing else.
 clock = time.process_time
@@ -128,6 +129,8 @@ def test_growth_from_50_to_2000_cars(long_road, monkeypatch):
             f"{count:6.0f} | {alone:17.0f} | {total:21.0f} | {total / alone:5.2f} | {outside:22.0f} |"
             f" {outside / count:7.2f} | {outside / outside_at[100]:10.1f}x"
         )
+    GROWTH.parent.mkdir(exist_ok=True)
+    np.savetxt(GROWTH.with_suffix(".csv"), table, fmt="%.0f", delimiter=",", header=GROWTH_COLUMNS, comments="")
     _plot(table)
     assert outside_at[1000] <= 12.0 * outside_at[100]
 
@@ -141,8 +144,7 @@ def _plot(table: np.ndarray) -> None:
     axes.set(xlabel="cars", ylabel="µs per step of 0.02 s", title="Cost of a step of the co-simulation")
     axes.grid(which="both", alpha=0.3)
     axes.legend()
-    GROWTH_PLOT.parent.mkdir(exist_ok=True)
-    figure.savefig(GROWTH_PLOT, dpi=150)
+    figure.savefig(GROWTH.with_suffix(".png"), dpi=150)
     pyplot.close(figure)
 
 
