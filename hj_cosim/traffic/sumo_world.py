@@ -267,15 +267,19 @@ class SumoWorld:
                 f"the robot reached the end of the road ({road.length:.0f} m) after {self._time:.2f} s;"
                 " take a longer road or a shorter simulation.duration"
             )
-        self._move(ROBOT, lane, along, y + 0.5 * body.length * math.sin(heading), heading)
+        front = y + 0.5 * body.length * math.sin(heading)
         self._lane[-1] = self._target_lane[-1] = lane
         self._second_lane[-1] = neighbour if straddles else lane
+        # To SUMO a vehicle is where its front is, which crosses a line before the centre does.
+        lane_of_front = road.lane_at(front)
+        self._move(ROBOT, lane_of_front, along, front, heading)
         if straddles:
             if not self._has_ghost:
                 libsumo.vehicle.add(GHOST, "road", ROBOT)
                 libsumo.vehicle.setLaneChangeMode(GHOST, NO_LANE_CHANGES)
                 libsumo.vehicle.setSpeedMode(GHOST, SPEED_IS_OURS)
-            self._move(GHOST, neighbour, along, road.lane_centre(neighbour), 0.0)
+            other_lane = neighbour if lane_of_front == lane else lane
+            self._move(GHOST, other_lane, along, road.lane_centre(other_lane), 0.0)
         elif self._has_ghost:
             libsumo.vehicle.remove(GHOST)
             del self._lane_in_sumo[GHOST]
