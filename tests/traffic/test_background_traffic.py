@@ -9,6 +9,7 @@ import pytest
 
 from hj_cosim.config import CarStart, RobotSettings, RobotStart, Scenario, TrafficSettings
 from hj_cosim.errors import SimulationError
+from hj_cosim.traffic import sumo_world
 from hj_cosim.traffic.scenarios import load_scenario
 from hj_cosim.traffic.settling import follow_lane, robot_driver
 from hj_cosim.traffic.sumo_world import SumoWorld
@@ -120,6 +121,17 @@ def test_drivers_overtake_where_mobil_says_so_and_only_there(open_scene):
         assert after.target_lane[0] == 0  # its new follower would have to brake harder than is safe
     *_, (_, last) = drive(world, 6.0)
     assert last.lane[0] == 1
+
+
+def test_a_change_that_sumo_finds_unsafe_is_dropped_and_not_made_later(open_scene, monkeypatch):
+    cars = [CarStart(lane=lane, x=x, speed=v, desired_speed=v) for lane, x, v in ((0, 60.0, 20.0), (1, 57.0, 25.0))]
+    world = open_scene(cars, lane=3)
+    asked = iter([1])
+    monkeypatch.setattr(sumo_world, "wanted_lanes", lambda *_: np.array([next(asked, 0), 1, 3]))
+    states = [after for _, after in drive(world, 8.0)]
+    assert states[0].target_lane[0] == 0
+    assert all(after.y[0] == 0.0 for after in states)
+    assert states[-1].x[1] - states[-1].x[0] > 25.0  # who was in its way has long been out of it
 
 
 def test_every_car_decides_once_a_second_and_not_all_at_once():
