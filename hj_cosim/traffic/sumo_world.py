@@ -259,19 +259,20 @@ class SumoWorld:
         road, body = self.road, self._robot_body
         lane = road.lane_at(y)
         offset = y - road.lane_centre(lane)
-        neighbour = lane + (1 if offset > 0.0 else -1)
-        straddles = abs(offset) + 0.5 * body.width > 0.5 * road.lane_width and 0 <= neighbour < road.lane_count
+        # To SUMO a vehicle is where its front is, which crosses a line before the centre does.
+        front = y + 0.5 * body.length * math.sin(heading)
+        lane_of_front = road.lane_at(front)
+        neighbour = lane_of_front if lane_of_front != lane else lane + (1 if offset > 0.0 else -1)
+        reaches_over = abs(offset) + 0.5 * body.width > 0.5 * road.lane_width and 0 <= neighbour < road.lane_count
+        straddles = reaches_over or lane_of_front != lane
         along = x + 0.5 * body.length * math.cos(heading)
         if along > road.length:
             raise SimulationError(
                 f"the robot reached the end of the road ({road.length:.0f} m) after {self._time:.2f} s;"
                 " take a longer road or a shorter simulation.duration"
             )
-        front = y + 0.5 * body.length * math.sin(heading)
         self._lane[-1] = self._target_lane[-1] = lane
         self._second_lane[-1] = neighbour if straddles else lane
-        # To SUMO a vehicle is where its front is, which crosses a line before the centre does.
-        lane_of_front = road.lane_at(front)
         self._move(ROBOT, lane_of_front, along, front, heading)
         if straddles:
             if not self._has_ghost:

@@ -70,6 +70,15 @@ def test_a_robot_that_straddles_two_lanes_is_seen_in_both(open_scene, y):
         assert reacting(world, before) == [1, 2]
 
 
+def test_a_robot_with_nothing_but_its_front_across_the_line_is_seen_on_both_sides(open_scene):
+    world = open_scene(followers([0, 1, 2, 3]), lane=1)
+    for step in range(20):
+        before = world.observe()
+        world.step(np.array([before.robot[0] + 20.0 * STEP, 4.9, 0.5, 20.0]), 0.0)
+        if step >= 2:
+            assert reacting(world, before.speed) == [1, 2]
+
+
 def test_followers_of_a_straddling_robot_keep_their_distance_to_its_body(open_scene):
     world = open_scene(followers([1, 2]), lane=1)
     for _ in range(2):
