@@ -150,12 +150,11 @@ def _starts(
     """Return robots (n, 4) at the origin and other cars (n, cars, 3), drawn evenly over the table's states with
     ε < V <= ε + band; with several cars n may be below what was asked for, where a robot's state allows no such pair.
     """
-    lower, upper = np.array(table.grid.lower), np.array(table.grid.upper)
     found = np.empty((settings.rollouts, settings.cars, 5))
     pending = np.arange(settings.rollouts)
     for car in range(settings.cars):
         for _ in range(_ROUNDS):
-            draws = generator.uniform(lower, upper, (len(pending), 5))
+            draws = table.draw_states(len(pending), generator)
             if car > 0:  # the robot is the same for all its pairs
                 draws[:, 2:4] = found[pending, 0, 2:4]
             value = table.value(draws)

@@ -13,7 +13,7 @@ from numba import njit
 from hj_cosim.control.enumeration import least_cost_control
 from hj_cosim.control.hji_rows import Disturbance, worst_drift
 from hj_cosim.control.safety_problem import available_controls
-from hj_cosim.reachability.lookup import TableArrays, value_and_gradient_at
+from hj_cosim.reachability.lookup import TableArrays, shift_of_grid, value_and_gradient_at
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 from hj_cosim.vehicles.idm import idm_acceleration
 
@@ -53,7 +53,8 @@ def _gradient_within(game: Game, state: np.ndarray, gradient: np.ndarray) -> flo
     """Return V, and write ∇V; beyond the table V is +inf, and the gradient that of the nearest place on its edge."""
     table = game.table
     low, cells = table.lower, table.deficit.shape
-    x = min(max(state[0], low[0]), low[0] + (cells[0] - 1) / table.inverse_spacing[0])
+    rear = low[0] + shift_of_grid(table, state[3], state[4])
+    x = min(max(state[0], rear), rear + (cells[0] - 1) / table.inverse_spacing[0])
     y = min(max(state[1], low[1]), low[1] + (cells[1] - 1) / table.inverse_spacing[1])
     value = value_and_gradient_at(table, x, y, state[2], state[3], state[4], gradient)
     return value if x == state[0] and y == state[1] else math.inf

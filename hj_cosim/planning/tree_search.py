@@ -39,7 +39,7 @@ from hj_cosim.planning.prediction import (
     sort_by_position,
 )
 from hj_cosim.planning.reward import RewardModel, total_reward
-from hj_cosim.reachability.lookup import TableArrays, value_at
+from hj_cosim.reachability.lookup import TableArrays, shift_of_grid, value_at
 
 IDLE, FASTER, SLOWER, LEFT, RIGHT = range(5)
 ACTION_COUNT = 5
@@ -297,9 +297,10 @@ def worst_value(state: np.ndarray, robot: int, heading: float, table: TableArray
         p_x = float(state[POSITION, robot] - state[POSITION, car])
         p_y = float(state[LATERAL, robot] - state[LATERAL, car])
         # Most cars of a large scene are beyond the grid: they need not be looked up to be told so.
-        if car == robot or not (rear <= p_x <= front and right <= p_y <= left):
+        v_r, v_o = float(state[SPEED, robot]), float(state[SPEED, car])
+        if car == robot or not (right <= p_y <= left and rear <= p_x - shift_of_grid(table, v_r, v_o) <= front):
             continue
-        value = value_at(table, p_x, p_y, heading, float(state[SPEED, robot]), float(state[SPEED, car]))
+        value = value_at(table, p_x, p_y, heading, v_r, v_o)
         worst = min(worst, value)
         if worst <= -clip:
             break

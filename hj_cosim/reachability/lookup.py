@@ -7,6 +7,9 @@ and to the unsafe side: |p_x| − d_long moves by some 20 m from one speed node 
 below it. Interpolating V0 − V is right to metres, but where V0 is a cubic that falls to 0 within a cell, the slope of
 V0 − V drowns V0's own, and a robot that steers towards the other car seems to gain by it.
 
+The grid's first axis may be sheared, ξ = p_x − k (v_o² − v_r²), see `systems.highway`: look-ups take states, find ξ
+themselves, and give the slopes of V along the state.
+
 Outside the grid in p_x or p_y another car is safe: V = +inf with a zero gradient. The heading and the speeds are
 clamped to the grid, and the gradient in a clamped coordinate is that of the nearest cell. `interpolation` serves
 tables of any dimension.
@@ -37,6 +40,7 @@ class TableArrays(NamedTuple):
     lower: tuple[float, float, float, float, float]  # the first nodes
     upper: tuple[float, float, float, float, float]  # the last
     inverse_spacing: tuple[float, float, float, float, float]
+    braking_shear: float  # k, s²/m, of the first axis
     target: TargetFormula
     has_target: bool  # else the game is another with the same state, and W is −V
 
@@ -57,21 +61,25 @@ class Cell(NamedTuple):
 
 
 @njit(cache=True)
-def deficits(values: np.ndarray, lower: np.ndarray, spacing: np.ndarray, target: TargetFormula) -> np.ndarray:
+def deficits(
+    values: np.ndarray, lower: np.ndarray, spacing: np.ndarray, braking_shear: float, target: TargetFormula
+) -> np.ndarray:
     """Return W = s(V0) − s(V) at the nodes, float32 of the shape of `values`, V's; nowhere negative."""
     found = np.empty_like(values)
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
             for k in range(values.shape[2]):
                 for m in range(values.shape[3]):
+                    v_r = lower[3] + m * spacing[3]
                     for n in range(values.shape[4]):
+                        v_o = lower[4] + n * spacing[4]
                         above = target_at(
                             target,
-                            lower[0] + i * spacing[0],
+                            lower[0] + i * spacing[0] + braking_shear * (v_o * v_o - v_r * v_r),
                             lower[1] + j * spacing[1],
                             lower[2] + k * spacing[2],
-                            lower[3] + m * spacing[3],
-                            lower[4] + n * spacing[4],
+                            v_r,
+                            v_o,
                         )
                         found[i, j, k, m, n] = max(scaled(above) - scaled(values[i, j, k, m, n]), 0.0)
     return found
@@ -107,16 +115,23 @@ def _place(coordinate: float, nodes: int) -> tuple[np.uint64, float]:
 
 
 @njit(cache=True)
-def _is_outside(table: TableArrays, p_x: float, p_y: float) -> bool:
-    x = (p_x - table.lower[0]) * table.inverse_spacing[0]
+def shift_of_grid(table: TableArrays, v_r: float, v_o: float) -> float:
+    """Return p_x − ξ = k (v_o² − v_r²), m: how far the grid lies ahead of where its first axis says."""
+    v_r, v_o = _clamped(table, 3, v_r), _clamped(table, 4, v_o)
+    return table.braking_shear * (v_o * v_o - v_r * v_r)
+
+
+@njit(cache=True)
+def _is_outside(table: TableArrays, xi: float, p_y: float) -> bool:
+    x = (xi - table.lower[0]) * table.inverse_spacing[0]
     y = (p_y - table.lower[1]) * table.inverse_spacing[1]
     return not (x >= 0.0 and y >= 0.0 and x <= table.deficit.shape[0] - 1 and y <= table.deficit.shape[1] - 1)
 
 
 @njit(cache=True)
-def _cell_of(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> Cell:
+def _cell_of(table: TableArrays, xi: float, p_y: float, theta: float, v_r: float, v_o: float) -> Cell:
     lower, inverse, shape = table.lower, table.inverse_spacing, table.deficit.shape
-    i, x = _place((p_x - lower[0]) * inverse[0], shape[0])
+    i, x = _place((xi - lower[0]) * inverse[0], shape[0])
     j, y = _place((p_y - lower[1]) * inverse[1], shape[1])
     k, t = _place((theta - lower[2]) * inverse[2], shape[2])
     m, r = _place((v_r - lower[3]) * inverse[3], shape[3])
@@ -171,11 +186,12 @@ def value_and_gradient_at(
     table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float, gradient_out: np.ndarray
 ) -> float:
     """Return V and write ∂V/∂x, (5,), per state unit; +inf and zeros outside the grid in p_x or p_y."""
-    if _is_outside(table, p_x, p_y):
+    xi = p_x - shift_of_grid(table, v_r, v_o)
+    if _is_outside(table, xi, p_y):
         for axis in range(5):
             gradient_out[axis] = 0.0
         return math.inf
-    cell = _cell_of(table, p_x, p_y, theta, v_r, v_o)
+    cell = _cell_of(table, xi, p_y, theta, v_r, v_o)
     flat, share, inverse = table.flat, cell.x, table.inverse_spacing
     low, low_y, low_t, low_r, low_o = _over_width(flat, cell.corner, cell)
     high, high_y, high_t, high_r, high_o = _over_width(flat, cell.corner + cell.step_x, cell)
@@ -185,6 +201,9 @@ def value_and_gradient_at(
     gradient_out[2] = -(low_t + share * (high_t - low_t)) * inverse[2]
     gradient_out[3] = -(low_r + share * (high_r - low_r)) * inverse[3]
     gradient_out[4] = -(low_o + share * (high_o - low_o)) * inverse[4]
+    # ξ changes with the speeds.
+    gradient_out[3] += 2.0 * table.braking_shear * _clamped(table, 3, v_r) * gradient_out[0]
+    gradient_out[4] -= 2.0 * table.braking_shear * _clamped(table, 4, v_o) * gradient_out[0]
     if not table.has_target:
         return -deficit
     target, by_x, by_y, by_theta, by_r, by_o = _target_and_gradient(table, p_x, p_y, theta, v_r, v_o)
@@ -204,9 +223,10 @@ def value_and_gradient_at(
 @njit(cache=True)
 def value_at(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
     """Return V, m; +inf outside the grid in p_x or p_y."""
-    if _is_outside(table, p_x, p_y):
+    xi = p_x - shift_of_grid(table, v_r, v_o)
+    if _is_outside(table, xi, p_y):
         return math.inf
-    cell = _cell_of(table, p_x, p_y, theta, v_r, v_o)
+    cell = _cell_of(table, xi, p_y, theta, v_r, v_o)
     flat = table.flat
     # The slopes are not used, and the compiler leaves them out.
     low = _over_width(flat, cell.corner, cell)[0]

@@ -70,8 +70,7 @@ def check_table(
         TableError: if a finer table's solution is not finite.
     """
     generator = np.random.default_rng(seed)
-    grid = table.grid
-    samples = generator.uniform(grid.lower, grid.upper, (states, grid.dimension))
+    samples = table.draw_states(states, generator)
     refinements = tuple(
         _compare(table, what, solve_table(specification, progress), samples)
         for what, specification in finer_specifications(table, seconds)

@@ -27,11 +27,9 @@ class Rollouts:
 
 def states_near_zero(table: ValueTable, count: int, band: float, generator: np.random.Generator) -> np.ndarray:
     """Return random states of the grid with |V| <= band, (count, n), or fewer where there are hardly any."""
-    grid = table.grid
-    lower, upper = np.array(grid.lower), np.array(grid.upper)
     found: list[np.ndarray] = []
     for _ in range(1000):
-        states = generator.uniform(lower, upper, (max(10_000, count), grid.dimension))
+        states = table.draw_states(max(10_000, count), generator)
         found.append(states[np.abs(table.value(states)) <= band])
         if sum(map(len, found)) >= count:
             break

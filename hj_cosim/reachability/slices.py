@@ -55,8 +55,9 @@ def value_slice(
         for name, low, high in zip(names, grid.lower, grid.upper, strict=True)
         if name not in (x, y)
     }
-    along = np.linspace(grid.lower[names.index(x)], grid.upper[names.index(x)], points)
-    across = np.linspace(grid.lower[names.index(y)], grid.upper[names.index(y)], points)
+    rest = np.array([held.get(name, 0.0) for name in names])
+    along = np.linspace(*table.extent(names.index(x), rest), points)
+    across = np.linspace(*table.extent(names.index(y), rest), points)
     states = np.empty((points, points, len(names)))
     for axis, name in enumerate(names):
         states[..., axis] = along[None, :] if name == x else across[:, None] if name == y else held[name]

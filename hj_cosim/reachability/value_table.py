@@ -23,10 +23,10 @@ from hj_cosim.reachability.systems import highway
 from hj_cosim.reachability.target_formula import TargetFormula
 
 # Part of every specification's hash: raised when the solver changes what it computes, so that tables are re-solved.
-_SOLVER_VERSION = 2
+_SOLVER_VERSION = 3
 
 # The highway game's parameters that V(0, ·) has, in the order in which its formula takes them.
-_FORMULA = tuple(highway.PARAMETERS)[6:]
+_FORMULA = tuple(highway.PARAMETERS)[6:15]
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,15 @@ class ValueTable:
         """Every parameter of the dynamics, as the table was solved with."""
         return {**self.dynamics.parameters, **self.specification.parameters}
 
+    @property
+    def _is_highway(self) -> bool:
+        """Whether V(0, ·) is the highway game's: then look-ups know its formula, and the grid may be sheared."""
+        return self.dynamics.target is highway.target
+
+    @property
+    def _braking_shear(self) -> float:
+        return self.parameters["braking_shear"] if self._is_highway else 0.0
+
     @cached_property
     def arrays(self) -> TableArrays:
         """The table as jitted look-ups take it.
@@ -62,18 +71,19 @@ class ValueTable:
             )
         grid = self.grid
         lower, upper, spacing = np.array(grid.lower), np.array(grid.upper), np.array(grid.spacing)
-        has_target = self.dynamics.target is highway.target
         parameters = highway.PARAMETERS | self.parameters
         target = TargetFormula.of(*(parameters[name] for name in _FORMULA))
-        deficit = deficits(self.values, lower, spacing, target) if has_target else -self.values
+        shear = self._braking_shear
+        deficit = deficits(self.values, lower, spacing, shear, target) if self._is_highway else -self.values
         return TableArrays(
             deficit,
             deficit.reshape(-1),
             _five(lower),
             _five(upper),
             _five(1.0 / spacing),
+            shear,
             target,
-            has_target,
+            self._is_highway,
         )
 
     def value_and_gradient(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -82,7 +92,7 @@ class ValueTable:
         A table of the highway game is looked up as planning and filtering do; of other games V is interpolated itself.
         """
         rows = np.atleast_2d(np.asarray(states, np.float64))
-        if self.dynamics.target is highway.target:
+        if self._is_highway:
             return values_and_gradients(self.arrays, rows)
         grid = self.grid
         return interpolate(
@@ -117,7 +127,7 @@ class ValueTable:
 
     def target_values(self, states: np.ndarray) -> np.ndarray:
         """Return V(0, ·), (N,), the formula itself, at `states` (N, n)."""
-        return self.dynamics.target_values(np.atleast_2d(states), self.parameter_array())
+        return self.dynamics.target_values(self._grid_points(np.atleast_2d(states)), self.parameter_array())
 
     def parameter_array(self) -> np.ndarray:
         """Return the parameters as the dynamics' functions take them."""
@@ -129,11 +139,26 @@ class ValueTable:
 
     def in_grid(self, states: np.ndarray) -> np.ndarray:
         """Return which of `states` (N, n) lie within the grid on every axis that is not periodic, (N,) bool."""
-        rows = np.atleast_2d(states)
+        rows = self._grid_points(np.atleast_2d(states))
         grid = self.grid
         wraps = np.array([boundary == "periodic" for boundary in grid.boundary])
         inside = (rows >= np.array(grid.lower)) & (rows <= np.array(grid.upper))
         return (inside | wraps).all(axis=1)
+
+    def draw_states(self, count: int, generator: np.random.Generator) -> np.ndarray:
+        """Return random states, (count, n), spread evenly over the grid."""
+        points = generator.uniform(self.grid.lower, self.grid.upper, (count, self.grid.dimension))
+        return highway.states_at(points, self._braking_shear) if self._is_highway else points
+
+    def extent(self, axis: int, held: np.ndarray) -> tuple[float, float]:
+        """Return the first and the last coordinate of the grid along a state variable, the others held, (n,)."""
+        ahead = np.array(held, np.float64)
+        ahead[axis] = 0.0
+        shift = float(ahead[axis] - self._grid_points(ahead)[axis])
+        return self.grid.lower[axis] + shift, self.grid.upper[axis] + shift
+
+    def _grid_points(self, states: np.ndarray) -> np.ndarray:
+        return highway.grid_points(states, self._braking_shear) if self._is_highway else states
 
     def save(self, path: Path) -> None:
         """Write the table, whole or not at all.

@@ -22,6 +22,12 @@ def small_table(highway_small: TableSpecification) -> ValueTable:
     return solve_table(highway_small)
 
 
+@pytest.fixture(scope="session")
+def sheared_table(highway_small: TableSpecification) -> ValueTable:
+    """The same game on a grid along p_x − (v_o² − v_r²)/12."""
+    return solve_table(highway_small.model_copy(update={"parameters": {"braking_shear": 1.0 / 12.0}}))
+
+
 @pytest.fixture
 def braking() -> TableSpecification:
     """The double integrator on a small grid."""

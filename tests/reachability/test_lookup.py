@@ -28,6 +28,7 @@ def arrays_of(values: np.ndarray) -> TableArrays:
         tuple(float(axis[0]) for axis in AXES),  # type: ignore[arg-type]
         tuple(float(axis[-1]) for axis in AXES),  # type: ignore[arg-type]
         tuple(float(1.0 / (axis[1] - axis[0])) for axis in AXES),  # type: ignore[arg-type]
+        0.0,
         TargetFormula(*[0.0] * 10),
         has_target=False,
     )
@@ -119,6 +120,47 @@ def test_the_look_up_is_the_formula_less_what_scipy_makes_of_the_deficit(small_t
     assert [value_at(small_table.arrays, *state) for state in states] == pytest.approx(small_table.value(states))
 
 
+def test_a_sheared_grid_is_looked_up_where_its_braking_distances_say(sheared_table: ValueTable) -> None:
+    generator = np.random.default_rng(16)
+    index = np.stack([generator.integers(0, nodes, 2000) for nodes in sheared_table.grid.shape], axis=-1)
+    states = np.stack([axis[i] for axis, i in zip(sheared_table.grid.axes, index.T, strict=True)], axis=-1)
+    robot_braking, other_braking = states[:, 3] ** 2 / 12.0, states[:, 4] ** 2 / 12.0
+    states[:, 0] += other_braking - robot_braking
+    inside = np.abs(states[:, 0] - other_braking + robot_braking) < 160.0  # rounding may push a face's nodes out
+    assert sheared_table.value(states[inside]) == pytest.approx(
+        sheared_table.values[tuple(index[inside].T)], rel=1e-4, abs=1e-2
+    )
+
+
+def test_on_a_sheared_grid_too_the_gradient_is_the_slope_of_the_look_up(sheared_table: ValueTable) -> None:
+    states, steps = (
+        sheared_table.draw_states(2000, np.random.default_rng(17)),
+        1e-3 * np.array([8.0, 1.0, 0.1, 5.0, 5.0]),
+    )
+    values, gradients = values_and_gradients(sheared_table.arrays, states)
+    for axis in range(5):
+        shift = steps[axis] * np.eye(5)[axis]
+        ahead = (sheared_table.value(states + shift) - values) / steps[axis]
+        behind = (values - sheared_table.value(states - shift)) / steps[axis]
+        accuracy = 0.02 * np.abs(gradients[:, axis]) + 0.3
+        smooth = np.isfinite(ahead) & np.isfinite(behind)
+        smooth[smooth] = (np.abs(ahead - behind) <= accuracy)[smooth]
+        assert smooth.mean() > 0.9
+        assert (np.abs(gradients[:, axis] - 0.5 * (ahead + behind)) <= accuracy)[smooth].all()
+
+
+def test_the_shear_changes_where_the_nodes_are_and_not_what_the_game_is(
+    small_table: ValueTable, sheared_table: ValueTable
+) -> None:
+    # Coarse and of first order, so they differ by metres; taken without its shear the grid would be 100 m off.
+    states = small_table.draw_states(20_000, np.random.default_rng(18))
+    both = small_table.in_grid(states) & sheared_table.in_grid(states)
+    plain, sheared = small_table.value(states[both]), sheared_table.value(states[both])
+    near = np.abs(plain) < 20.0
+    assert np.median(np.abs(plain - sheared)[near]) < 2.0
+    assert np.mean(np.sign(plain) == np.sign(sheared)) > 0.97
+
+
 def test_at_the_nodes_the_look_up_is_the_table(small_table: ValueTable) -> None:
     generator = np.random.default_rng(9)
     index = np.stack([generator.integers(0, nodes, 2000) for nodes in small_table.grid.shape], axis=-1)
@@ -168,7 +210,7 @@ def test_the_formula_is_the_solvers_target(small_table: ValueTable) -> None:
     states = np.where(rng.random(states.shape) < 0.1, 0.0, states).astype(np.float32).astype(np.float64)
     for parameters in ({}, {"brake_min": 5.0, "brake_max": 8.0, "lateral_margin": 0.4, "response_time": 1.0}):
         named = highway.PARAMETERS | parameters
-        formula = TargetFormula.of(*(named[name] for name in list(named)[6:]))
+        formula = TargetFormula.of(*(named[name] for name in list(named)[6:15]))
         expected = highway.dynamics.target_values(states, highway.dynamics.parameter_values(parameters, "the test"))
         found = [target_at(formula, *state) for state in states]
         assert found == pytest.approx(expected, rel=1e-5, abs=1e-3)

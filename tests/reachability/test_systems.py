@@ -112,10 +112,29 @@ def test_the_optimal_inputs_attain_the_hamiltonian(name: str) -> None:
     assert attained == pytest.approx(game.hamiltonian_values(states, gradients, c, limits), rel=1e-4, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", ["highway", "air3d", "double_integrator"])
-def test_the_dissipation_bounds_every_slope_of_the_hamiltonian(name: str) -> None:
+def test_a_sheared_grid_has_the_same_hamiltonian_along_its_own_slopes() -> None:
+    game, shear = find_dynamics("highway"), 1.0 / 12.0
+    limits = np.tile(UNLIMITED, (1, game.dimension))
+    states, slopes = random_states(game, 500)
+    plain, sheared = (game.parameter_values({"braking_shear": each}, "the test") for each in (0.0, shear))
+    # ξ = p_x − k (v_o² − v_r²): what V does along v_r at the same p_x is what it does at the same ξ and what ξ adds.
+    gradients = slopes.copy()
+    gradients[:, 3] += 2.0 * shear * states[:, 3] * slopes[:, 0]
+    gradients[:, 4] -= 2.0 * shear * states[:, 4] * slopes[:, 0]
+    points = states.copy()
+    points[:, 0] -= shear * (states[:, 4] ** 2 - states[:, 3] ** 2)
+    expected = game.hamiltonian_values(states, gradients, plain, limits)
+    assert game.hamiltonian_values(points, slopes, sheared, limits) == pytest.approx(expected, rel=1e-4, abs=1e-2)
+    assert game.target_values(points, sheared) == pytest.approx(game.target_values(states, plain), rel=1e-4, abs=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [("highway", {}), ("highway", {"braking_shear": 1.0 / 12.0}), ("air3d", {}), ("double_integrator", {})],
+)
+def test_the_dissipation_bounds_every_slope_of_the_hamiltonian(name: str, parameters: dict[str, float]) -> None:
     game = find_dynamics(name)
-    c, limits = parameters_of(game), np.tile(UNLIMITED, (1, game.dimension))
+    c, limits = game.parameter_values(parameters, "the test"), np.tile(UNLIMITED, (1, game.dimension))
     states, gradients = random_states(game, 200)
     bound = np.empty((game.dimension, 1), np.float32)
     here = game.hamiltonian_values(states, gradients, c, limits)

@@ -22,9 +22,9 @@ def value_slice(
         robot_speed, other_speed: v_r and v_o, m/s.
         heading: θ_r, rad.
     """
-    lower, upper = table.grid.lower, table.grid.upper
-    along = np.linspace(lower[0], upper[0], POINTS_ALONG)
-    aside = np.linspace(lower[1], upper[1], POINTS_ASIDE)
+    held = np.array([0.0, 0.0, heading, robot_speed, other_speed])
+    along = np.linspace(*table.extent(0, held), POINTS_ALONG)
+    aside = np.linspace(*table.extent(1, held), POINTS_ASIDE)
     origin = np.zeros(1)
     values = value_field(table, along, aside, heading, robot_speed, origin, origin, np.array([other_speed]))
     with style.house_style():

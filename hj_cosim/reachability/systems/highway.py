@@ -4,6 +4,13 @@
     dp_x = v_r cos θ − v_o cos θ_o,  dp_y = v_r sin θ − v_o sin θ_o,  dθ = ω_r,  dv_r = a_r,  dv_o = a_o
 
 The robot chooses (ω_r, a_r) to maximise, the other car (θ_o, a_o) to minimise the value.
+
+The grid may be sheared: with k = `braking_shear` its first axis is ξ = p_x − k (v_o² − v_r²) instead of p_x. With
+k = 1/(2 b), b the braking that RSS counts on, ξ is the distance that would be left had both cars braked to a stop.
+RSS's distances move by 20 m in p_x from one node of the speeds to the next, and hardly at all in ξ. So the corner of
+V0 where the two terms of its maximum meet runs along the grid, and is not smeared over the cells of two more axes.
+`target`, `hamiltonian` and `dissipation`, which the solver calls, take the grid's coordinates and the slopes along
+them; `flow` and `optimal_inputs` take the state. Without a shear, the default, the two are the same.
 """
 
 import math
@@ -30,7 +37,20 @@ PARAMETERS = {
     "lateral_acceleration": 0.2,
     "lateral_brake": 0.8,
     "lateral_margin": 0.1,
+    "braking_shear": 0.0,  # s²/m, k of the grid's first axis
 }
+
+
+def grid_points(states: np.ndarray, braking_shear: float) -> np.ndarray:
+    """Return the grid's coordinates of `states`, (n, 5)."""
+    points = np.array(states, np.float64)
+    points[..., 0] -= braking_shear * (points[..., 4] ** 2 - points[..., 3] ** 2)
+    return points
+
+
+def states_at(points: np.ndarray, braking_shear: float) -> np.ndarray:
+    """Return the states at `points` of the grid, (n, 5)."""
+    return grid_points(points, -braking_shear)
 
 
 @state_function
@@ -43,7 +63,8 @@ def target(x, c, out):  # type: ignore[no-untyped-def]
     length, width, response, acceleration, brake_min, brake_max = c[6], c[7], c[8], c[9], c[10], c[11]
     lateral_acceleration, lateral_brake, margin = c[12], c[13], c[14]
     for i in range(out.shape[0]):
-        rear, front = (x[4, i], x[3, i]) if x[0, i] > 0.0 else (x[3, i], x[4, i])
+        p_x = x[0, i] + c[15] * (x[4, i] * x[4, i] - x[3, i] * x[3, i])
+        rear, front = (x[4, i], x[3, i]) if p_x > 0.0 else (x[3, i], x[4, i])
         longitudinal = longitudinal_distance(rear, front, response, acceleration, brake_min, brake_max)
         # The robot on the left, p_y > 0, approaches the other car by moving to the right; straight ahead of it or
         # behind, either way counts as approaching. The other car counts with no lateral speed.
@@ -53,7 +74,7 @@ def target(x, c, out):  # type: ignore[no-untyped-def]
             towards, 0.0, response, lateral_acceleration, lateral_brake,
             response, lateral_acceleration, lateral_brake, margin,
         )  # fmt: skip
-        gap_x = abs(x[0, i]) - length - longitudinal
+        gap_x = abs(p_x) - length - longitudinal
         gap_y = abs(x[1, i]) - width - lateral
         out[i] = max(gap_x, 4.0 * gap_y**3)
 
@@ -74,7 +95,8 @@ def hamiltonian(x, p, c, limits, out):  # type: ignore[no-untyped-def]
     """max over (ω_r, a_r), min over (θ_o, a_o) of p · dx/dt in closed form.
 
     The other car's heading maximises p_x cos θ_o + p_y sin θ_o over |θ_o| <= θ̄: it points along (p_x, p_y) where
-    that lies within the bounds, which makes the norm, and else along the nearer bound.
+    that lies within the bounds, which makes the norm, and else along the nearer bound. On a sheared grid,
+    dξ = dp_x − 2 k (v_o a_o − v_r a_r), so that the accelerations' slopes take a share of ξ's.
     """
     heading, v_r = x[2, 0], x[3, 0]  # shared by the nodes of a slab
     # At a limit of the state the input that would cross it is not available.
@@ -85,6 +107,8 @@ def hamiltonian(x, p, c, limits, out):  # type: ignore[no-untyped-def]
     robot_high = zero if v_r >= limits[1, 3] else c[2]
     slowest, fastest = limits[0, 4], limits[1, 4]
     other_low, other_high = c[4], c[5]
+    twice_shear = np.float32(2.0) * c[15]
+    robot_share = twice_shear * v_r
     forward, leftward = np.float32(v_r * math.cos(heading)), np.float32(v_r * math.sin(heading))
     cos_bound, sin_bound, tan_bound = np.float32(math.cos(c[3])), np.float32(math.sin(c[3])), np.float32(math.tan(c[3]))
     for i in range(out.shape[0]):
@@ -94,24 +118,32 @@ def hamiltonian(x, p, c, limits, out):  # type: ignore[no-untyped-def]
         # Branches as selects, so that the loop runs in SIMD.
         other = math.sqrt(p_x * p_x + p_y * p_y) if (p_x > zero) & (side <= p_x * tan_bound) else at_bound
         turning = omega_high * p[2, i] if p[2, i] > zero else omega_low * p[2, i]
-        robot = robot_high * p[3, i] if p[3, i] > zero else robot_low * p[3, i]
+        by_robot = p[3, i] + robot_share * p_x
+        robot = robot_high * by_robot if by_robot > zero else robot_low * by_robot
         v_o = x[4, i]
+        by_other = p[4, i] - twice_shear * v_o * p_x
         low = zero if v_o <= slowest else other_low
         high = zero if v_o >= fastest else other_high
-        other_speed = low * p[4, i] if p[4, i] > zero else high * p[4, i]
+        other_speed = low * by_other if by_other > zero else high * by_other
         out[i] = forward * p_x + leftward * p_y - v_o * other + turning + robot + other_speed
 
 
 @state_function
 def dissipation(x, c, out):  # type: ignore[no-untyped-def]
-    """Tight bounds: dp_x over cos θ_o in [cos θ̄, 1], dp_y over sin θ_o in ± sin θ̄, and the inputs' magnitudes."""
+    """Tight bounds: dp_x over cos θ_o in [cos θ̄, 1], dp_y over sin θ_o in ± sin θ̄, and the inputs' magnitudes.
+
+    On a sheared grid dξ over the accelerations, too.
+    """
     heading, v_r, heading_max = x[2, 0], x[3, 0], c[3]  # the first two are shared by the nodes of a slab
     forward, sideways = np.float32(v_r * math.cos(heading)), np.float32(abs(v_r * math.sin(heading)))
     cos_bound, sin_bound = np.float32(math.cos(heading_max)), np.float32(math.sin(heading_max))
     turning, robot, other = c[0], max(-c[1], c[2]), max(-c[4], c[5])
+    twice_shear = np.float32(2.0) * c[15]
+    fastest, slowest = forward + twice_shear * v_r * c[2], forward + twice_shear * v_r * c[1]
     for i in range(out.shape[1]):
         v_o = x[4, i]
-        out[0, i] = max(abs(forward - v_o), abs(forward - v_o * cos_bound))
+        closest, farthest = v_o * (cos_bound + twice_shear * c[4]), v_o * (np.float32(1.0) + twice_shear * c[5])
+        out[0, i] = max(abs(fastest - closest), abs(slowest - farthest))
         out[1, i] = sideways + v_o * sin_bound
         out[2, i] = turning
         out[3, i] = robot
