@@ -28,6 +28,8 @@ FEASIBILITY_TOLERANCE = 1e-4
 ENUMERATION = "enumeration"
 # In MI the desired control is the solution, of cost 0, where it lies in the box and meets all rows.
 NOT_NEEDED = "none needed"
+# What a backend's name is followed by where its failures are counted.
+FAILED = " failed"
 
 # What makes each backend of qpsolvers accurate on this problem: P is singular in t, and the tie weight is small.
 _BACKEND_OPTIONS: dict[str, dict[str, float | int | bool]] = {
@@ -240,7 +242,7 @@ class SafetySolver:
                 if good:
                     slack = needed if self.weights.slack_is_free else max(needed, 0.0)
                     return SafetySolution(omega, acceleration, slack, backend)
-            self.counts[f"{backend} failed"] += 1
+            self.counts[backend + FAILED] += 1
         omega, acceleration, slack = least_cost_control(
             rows.p,
             rows.q,

@@ -80,8 +80,19 @@ class ValueTable:
         """Return V (N,) and ∂V/∂x (N, n) at `states` (N, n), outside the grid as the dynamics say.
 
         A table of the highway game is looked up as planning and filtering do; of other games V is interpolated itself.
+        Of a state that is not finite nothing is known: NaN.
         """
         rows = np.atleast_2d(np.asarray(states, np.float64))
+        unknown = np.flatnonzero(~np.isfinite(rows).all(axis=1))
+        if len(unknown) == 0:
+            return self._look_up(rows)
+        known = rows.copy()
+        known[unknown] = self.grid.lower
+        values, gradients = self._look_up(known)
+        values[unknown], gradients[unknown] = np.nan, np.nan
+        return values, gradients
+
+    def _look_up(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if self.dynamics.target is highway.target:
             return values_and_gradients(self.arrays, rows)
         grid = self.grid
