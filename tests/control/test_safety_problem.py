@@ -129,14 +129,20 @@ def test_a_backend_that_fails_is_answered_by_the_next_and_counted(monkeypatch):
         if solver == "daqp":
             raise qpsolvers.exceptions.SolverError("out of order")
         solution = whole(problem, solver, **options)
-        if solver == "quadprog":
+        if solver == "piqp":
             solution.x = solution.x + 1.0  # an answer outside the box is a failure, too
         return solution
 
     monkeypatch.setattr(qpsolvers, "solve_problem", failing)
     solution = check_against(case, solver, 1e-4)
-    assert solution.backend == "piqp"
-    assert solver.counts == {"daqp failed": 1, "quadprog failed": 1}
+    assert solution.backend == "clarabel"
+    assert solver.counts == {"daqp failed": 1, "piqp failed": 1}
+
+
+def test_nobody_falls_back_on_quadprog_which_may_never_end():
+    for chosen in ("daqp", "osqp"):
+        assert "quadprog" not in SafetySolver(FilterSettings(solver=chosen), ROBOT, Counter()).backends
+    assert SafetySolver(FilterSettings(solver="quadprog"), ROBOT, Counter()).backends[0] == "quadprog"
 
 
 def test_enumeration_answers_when_all_backends_fail(monkeypatch):
