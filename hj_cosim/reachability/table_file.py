@@ -4,6 +4,7 @@ A .npz is a zip of .npy files, and each says in its header what it holds. Every 
 type and shape that is wanted; only so many bytes are then unpacked, and they must be all that there is.
 """
 
+import math
 import struct
 import tokenize
 import zipfile
@@ -65,6 +66,9 @@ class TableFile:
                     f"{name} is said to be {its_type} of shape {stated}; the specification in it makes it"
                     f" {np.dtype(dtype)} of shape {shape}"
                 )
+            claimed = self._archive.getinfo(f"{name}.npy").file_size
+            if claimed != stream.tell() + math.prod(shape) * its_type.itemsize:
+                raise ValueError(f"{name} is said to have {claimed} bytes, which shape {shape} does not need")
             content = _content(stream, name, shape, its_type)
         if not all(np.isfinite(part).all() for part in content):
             raise ValueError(f"{name} is not finite everywhere")

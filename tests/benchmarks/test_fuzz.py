@@ -72,7 +72,8 @@ def test_every_value_is_finite_within_the_grid_and_unknown_where_the_state_is(ta
     states[special] = draw.choice(corners, np.count_nonzero(special))
     values, gradients = table.value_and_gradient(states)
     finite = np.isfinite(states).all(axis=1)
-    within = finite & (np.abs(states[:, :2]) <= np.array(table.grid.upper[:2])).all(axis=1)
+    positions = states[:, :2]
+    within = finite & ((positions >= table.grid.lower[:2]) & (positions <= table.grid.upper[:2])).all(axis=1)
     print(f"\nlook-up: {len(states)} draws, {within.sum()} within the grid, {(~finite).sum()} not finite")
     assert within.sum() > 10_000
     assert np.isfinite(values[within]).all()
