@@ -5,9 +5,9 @@ All models are frozen, refuse unknown keys and non-finite numbers, and are SI un
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -287,18 +287,48 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 Model = TypeVar("Model", bound=Settings)
 
 
+LARGEST_TOML = 2_000_000  # bytes; a scene of 5000 cars at given places has a fifth of it
+DEEPEST_TOML = 20  # tables and arrays within each other
+_LONGEST_SHOWN = 100  # characters of a wrong key or value in a message
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file.
 
     Raises:
-        ConfigurationError: if it cannot be read or is not TOML.
+        ConfigurationError: if it cannot be read, is not TOML, or is larger or deeper than LARGEST_TOML, DEEPEST_TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        with path.open("rb") as file:
+            content = file.read(LARGEST_TOML + 1)
     except OSError as error:
         raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    if len(content) > LARGEST_TOML:
+        raise ConfigurationError(f"{path} is too large; {LARGEST_TOML / 1e6:g} MB of TOML is the most")
+    try:
+        return parse_toml(content.decode("utf-8"))
+    except ValueError as error:
         raise ConfigurationError(f"{path} is not TOML: {error}") from error
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the content of a TOML text.
+
+    Raises:
+        ValueError: if it is not TOML, or deeper than DEEPEST_TOML.
+    """
+    too_deep = f"it has more than {DEEPEST_TOML} tables and arrays within each other"
+    try:
+        data = tomllib.loads(text)
+    except RecursionError as error:
+        raise ValueError(too_deep) from error
+    within: list[Any] = [data]
+    for _ in range(DEEPEST_TOML):
+        below = [value.values() if isinstance(value, dict) else value for value in within]
+        within = [value for values in below for value in values if isinstance(value, dict | list)]
+        if not within:
+            return data
+    raise ValueError(too_deep)
 
 
 def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
@@ -311,19 +341,32 @@ def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"]) or "the whole"
+        key = _shown(".".join(str(part) for part in first["loc"]) or "the whole")
         if first["type"] == "extra_forbidden":
-            raise ConfigurationError(f"{source}: unknown key {key!r}; {_known_keys(model, first['loc'])}") from error
+            known = ", ".join(_fields_at(model, first["loc"][:-1]))
+            raise ConfigurationError(f"{source}: unknown key {key!r}; known keys are {known}") from error
         reason = first["msg"].removeprefix("Value error, ")
-        given = "" if first["type"] in ("missing", "value_error") else f" = {first['input']!r}"
+        given = "" if first["type"] in ("missing", "value_error") else f" = {_shown(repr(first['input']))}"
         raise ConfigurationError(f"{source}: {key}{given}: {reason[:1].lower()}{reason[1:]}") from error
 
 
-def _known_keys(model: type[Settings], location: tuple[int | str, ...]) -> str:
-    fields: Any = model.model_fields
-    for part in location[:-1]:
-        fields = fields[part].annotation.model_fields
-    return f"known keys are {', '.join(fields)}"
+def _shown(text: str) -> str:
+    """Return a text that fits into a sentence."""
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+
+
+def _fields_at(model: type[Settings], location: tuple[int | str, ...]) -> Iterable[str]:
+    """Return the keys of the group of knobs at a place within a model; a list's groups all have the same."""
+    for part in location:
+        if isinstance(part, str):
+            annotation = model.model_fields[part].annotation
+            groups = [kind for kind in (annotation, *get_args(annotation)) if _is_group(kind)]
+            model = groups[0]
+    return model.model_fields
+
+
+def _is_group(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Settings)
 
 
 def overlay(base: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
@@ -344,10 +387,16 @@ def parse_assignment(text: str) -> dict[str, Any]:
     key, separator, value = text.partition("=")
     parts = [part.strip() for part in key.split(".")]
     if not separator or not all(parts):
-        raise ConfigurationError(f"--set {text}: write KEY=VALUE, for example planner.gamma_r=0.8")
+        raise ConfigurationError(f"--set {_shown(text)}: write KEY=VALUE, for example planner.gamma_r=0.8")
+    if len(parts) > DEEPEST_TOML:
+        raise ConfigurationError(f"--set {_shown(text)}: no key has so many parts")
     try:
-        parsed: Any = tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise ConfigurationError(f"--set {text!r} is not UTF-8; write it with letters that are") from error
+    try:
+        parsed: Any = parse_toml(f"value = {value}")["value"]
+    except ValueError:
         parsed = value.strip()
     for part in reversed(parts):
         parsed = {part: parsed}

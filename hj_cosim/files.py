@@ -1,12 +1,20 @@
 """Files that appear whole or not at all."""
 
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from hj_cosim.errors import HjCosimError
+
+LONGEST_NAME = 60  # characters, of at most four bytes: with what is added to it, what a file system takes
+
+
+def file_name(text: str) -> str:
+    """Return a text, whoever wrote it, as a part of a file's name: no separator, no dot in front, not too long."""
+    return re.sub(r"[^\w.,=+-]", "_", text)[:LONGEST_NAME].lstrip(".") or "_"
 
 
 @contextmanager

@@ -21,6 +21,7 @@ from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flag
 from hj_cosim.cosim.promise_audit import PromiseAudit
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.errors import SimulationError
+from hj_cosim.files import file_name
 from hj_cosim.locations import runs_folder
 from hj_cosim.planning.optimistic import make_planner
 from hj_cosim.planning.planner import Plan, Planner
@@ -161,7 +162,7 @@ def fallback_summary(counts: Mapping[str, int]) -> dict[str, int]:
 
 def new_run_folder(config: EpisodeConfig) -> Path:
     """Return a folder that does not exist yet, in runs/, named for the scenario, the stack and the seed."""
-    parts = [config.scenario.name, config.planner.kind, config.filter.kind]
+    parts = [file_name(config.scenario.name), config.planner.kind, config.filter.kind]
     if config.filter.kind != "none":
         parts.append(config.filter.scheme)
     name = "-".join([*parts, str(config.seed)])
