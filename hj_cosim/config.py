@@ -201,7 +201,7 @@ class Scenario(Settings):
 
     name: str
     description: str = ""
-    seed: int = Field(0, ge=0, description="of an episode that is given no other")
+    seed: int = Field(0, ge=0, lt=2**63, description="of an episode that is given no other")
     network: NetworkSettings = NetworkSettings()
     traffic: TrafficSettings = TrafficSettings()
     drivers: DriverSettings = DriverSettings()
@@ -256,7 +256,7 @@ class TableSpecification(Settings):
 class EpisodeConfig(Settings):
     """Everything that an episode depends on; its run folder's config.toml."""
 
-    seed: int = Field(0, ge=0)
+    seed: int = Field(0, ge=0, lt=2**63)
     preset: Literal["best", "paper"] = "best"
     table: str = Field("highway", description="a name in value_tables/ or a path to a specification")
     robot: RobotSettings = RobotSettings()

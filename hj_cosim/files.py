@@ -9,12 +9,13 @@ from pathlib import Path
 
 from hj_cosim.errors import HjCosimError
 
-LONGEST_NAME = 60  # characters, of at most four bytes: with what is added to it, what a file system takes
+LONGEST_NAME = 200  # bytes; a file system takes 255, and a stack, a seed and a temporary name's letters are added
 
 
 def file_name(text: str) -> str:
     """Return a text, whoever wrote it, as a part of a file's name: no separator, no dot in front, not too long."""
-    return re.sub(r"[^\w.,=+-]", "_", text)[:LONGEST_NAME].lstrip(".") or "_"
+    allowed = re.sub(r"[^\w.,=+-]", "_", text).lstrip(".").encode()
+    return allowed[:LONGEST_NAME].decode(errors="ignore") or "_"
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from hj_cosim.analysis.run_folder import write_run
 from hj_cosim.errors import OutputError, RunFolderError
 from hj_cosim.vehicles.road import Road
 
-CONFIG = '[scenario.network]\nedge = "high & way"\n'
+CONFIG = '[scenario]\nname = "synthetic"\n[scenario.network]\nedge = "high & way"\n'
 
 
 @pytest.fixture
