@@ -15,6 +15,11 @@ from hj_cosim.errors import ConfigurationError
 
 Scheme = Literal["first_order", "eno2", "weno3", "weno5"]
 Boundary = Literal["linear", "away_from_zero", "periodic"]
+# What one action of the planner's tree is predicted in, at most.
+MOST_PREDICTION_STEPS = 1000
+# Samples times cars of an episode, which is kept in memory until it is written: some 4 GB.
+MOST_RECORDED = 100_000_000
+
 Backend = Literal["daqp", "osqp", "quadprog", "piqp", "clarabel"]
 
 
@@ -27,13 +32,13 @@ class Settings(BaseModel):
 class RobotSettings(Settings):
     """The robot's body and limits (paper, case study; SPEC section 4)."""
 
-    length: float = Field(5.0, gt=0, description="m")
-    width: float = Field(2.0, gt=0, description="m")
-    wheelbase: float = Field(5.0, gt=0, description="m, the paper's L")
-    omega_max: float = Field(0.3, gt=0, description="rad/s, limit on |omega_r|")
-    acceleration_min: float = Field(-6.0, lt=0, description="m/s²")
-    acceleration_max: float = Field(4.0, gt=0, description="m/s²")
-    speed_max: float = Field(40.0, gt=0, description="m/s")
+    length: float = Field(5.0, ge=0.1, le=100, description="m")
+    width: float = Field(2.0, ge=0.1, le=20, description="m")
+    wheelbase: float = Field(5.0, ge=0.1, le=100, description="m, the paper's L")
+    omega_max: float = Field(0.3, ge=0.001, le=10, description="rad/s, limit on |omega_r|")
+    acceleration_min: float = Field(-6.0, ge=-100, le=-0.01, description="m/s²")
+    acceleration_max: float = Field(4.0, ge=0.01, le=100, description="m/s²")
+    speed_max: float = Field(40.0, ge=0.1, le=1000, description="m/s")
 
 
 class TrackingSettings(Settings):
@@ -76,6 +81,11 @@ class PlannerSettings(Settings):
             raise ValueError(f"speed_high ({self.speed_high}) must exceed speed_low ({self.speed_low})")
         if self.speed_floor > self.speed_low:
             raise ValueError(f"speed_floor ({self.speed_floor}) must not exceed speed_low ({self.speed_low})")
+        if self.action_time > MOST_PREDICTION_STEPS * self.prediction_step:
+            raise ValueError(
+                f"prediction_step ({self.prediction_step}) must be at least action_time ({self.action_time}) /"
+                f" {MOST_PREDICTION_STEPS}"
+            )
         return self
 
 
@@ -106,9 +116,9 @@ class SimulationSettings(Settings):
     """Clocks of an episode."""
 
     duration: float = Field(30.0, gt=0, le=3600, description="s, recorded time")
-    step: float = Field(0.02, gt=0, le=0.1, description="s, control and traffic step")
-    plan_period: float = Field(1.0, gt=0, description="s between plans")
-    settle_time: float = Field(3.0, ge=0, description="s that the traffic settles before the robot takes over")
+    step: float = Field(0.02, ge=0.001, le=0.1, description="s, control and traffic step")
+    plan_period: float = Field(1.0, gt=0, le=3600, description="s between plans")
+    settle_time: float = Field(3.0, ge=0, le=3600, description="s that the traffic settles before the robot takes over")
     on_collision: Literal["stop", "continue"] = "stop"
 
 
@@ -265,6 +275,17 @@ class EpisodeConfig(Settings):
     filter: FilterSettings = FilterSettings()
     simulation: SimulationSettings = SimulationSettings()
     scenario: Scenario
+
+    @model_validator(mode="after")
+    def _fits_into_memory(self) -> "EpisodeConfig":
+        traffic, simulation = self.scenario.traffic, self.simulation
+        cars = traffic.count + traffic.count_behind + len(self.scenario.cars)
+        if (cars + 1) * simulation.duration > MOST_RECORDED * simulation.step:
+            raise ValueError(
+                f"simulation.duration ({simulation.duration} s) of {cars} cars in steps of simulation.step"
+                f" ({simulation.step} s) is more than is kept in memory, {MOST_RECORDED} samples of a car; take less"
+            )
+        return self
 
     @model_validator(mode="before")
     @classmethod
