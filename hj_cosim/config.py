@@ -127,7 +127,7 @@ class NormalDistribution(Settings):
 
     mean: float = Field(gt=0)
     deviation: float = Field(ge=0)
-    truncation: float = Field(2.5, gt=0)
+    truncation: float = Field(2.5, ge=0.1, description="what lies beyond is drawn again")
 
     @model_validator(mode="after")
     def _stays_positive(self) -> "NormalDistribution":
@@ -310,6 +310,7 @@ Model = TypeVar("Model", bound=Settings)
 
 LARGEST_TOML = 2_000_000  # bytes; a scene of 5000 cars at given places has a fifth of it
 DEEPEST_TOML = 20  # tables and arrays within each other
+LONGEST_TOML_LINE = 5000  # characters; the time that tomllib takes for a key grows with the square of its parts
 _LONGEST_SHOWN = 100  # characters of a wrong key or value in a message
 
 
@@ -336,8 +337,11 @@ def parse_toml(text: str) -> dict[str, Any]:
     """Return the content of a TOML text.
 
     Raises:
-        ValueError: if it is not TOML, or deeper than DEEPEST_TOML.
+        ValueError: if it is not TOML, deeper than DEEPEST_TOML, or a line is longer than LONGEST_TOML_LINE.
     """
+    for number, line in enumerate(text.splitlines(), start=1):
+        if len(line) > LONGEST_TOML_LINE:
+            raise ValueError(f"line {number} has {len(line)} characters; {LONGEST_TOML_LINE} is the most")
     too_deep = f"it has more than {DEEPEST_TOML} tables and arrays within each other"
     try:
         data = tomllib.loads(text)
@@ -362,17 +366,17 @@ def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
-        key = _shown(".".join(str(part) for part in first["loc"]) or "the whole")
+        key = shown(".".join(str(part) for part in first["loc"]) or "the whole")
         if first["type"] == "extra_forbidden":
             known = ", ".join(_fields_at(model, first["loc"][:-1]))
             raise ConfigurationError(f"{source}: unknown key {key!r}; known keys are {known}") from error
         reason = first["msg"].removeprefix("Value error, ")
-        given = "" if first["type"] in ("missing", "value_error") else f" = {_shown(repr(first['input']))}"
+        given = "" if first["type"] in ("missing", "value_error") else f" = {shown(repr(first['input']))}"
         raise ConfigurationError(f"{source}: {key}{given}: {reason[:1].lower()}{reason[1:]}") from error
 
 
-def _shown(text: str) -> str:
-    """Return a text that fits into a sentence."""
+def shown(text: str) -> str:
+    """Return a text that fits into a sentence: its beginning, where it is longer."""
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
 
 
@@ -408,9 +412,9 @@ def parse_assignment(text: str) -> dict[str, Any]:
     key, separator, value = text.partition("=")
     parts = [part.strip() for part in key.split(".")]
     if not separator or not all(parts):
-        raise ConfigurationError(f"--set {_shown(text)}: write KEY=VALUE, for example planner.gamma_r=0.8")
+        raise ConfigurationError(f"--set {shown(text)}: write KEY=VALUE, for example planner.gamma_r=0.8")
     if len(parts) > DEEPEST_TOML:
-        raise ConfigurationError(f"--set {_shown(text)}: no key has so many parts")
+        raise ConfigurationError(f"--set {shown(text)}: no key has so many parts")
     try:
         text.encode()
     except UnicodeEncodeError as error:

@@ -71,6 +71,7 @@ ASSIGNMENTS = {
     "scenario.traffic.cars=3": "unknown key 'scenario.traffic.cars'",
     "scenario.drivers.desired_speed.mean=0": "greater than 0",
     "scenario.drivers.desired_speed.deviation=20": "reaches zero",
+    "scenario.drivers.desired_speed.truncation=1e-9": "greater than or equal to 0.1",
     "scenario.drivers.desired_speed=23": "scenario.drivers.desired_speed",
     "scenario.drivers.politeness=2": "less than or equal to 1",
     "scenario.drivers.safe_braking=0": "greater than 0",
