@@ -423,6 +423,7 @@ def parse_assignment(text: str) -> dict[str, Any]:
         parsed: Any = parse_toml(f"value = {value}")["value"]
     except ValueError:
         parsed = value.strip()
-    for part in reversed(parts):
-        parsed = {part: parsed}
-    return parsed
+    nested: dict[str, Any] = {parts[-1]: parsed}
+    for part in reversed(parts[:-1]):
+        nested = {part: nested}
+    return nested

@@ -165,7 +165,7 @@ def _trajectory_table(record: RunRecord, start: int, stop: int) -> pa.Table:
     sample, column = np.nonzero(present)  # in the order of time, then of the columns
 
     def both(of_robot: np.ndarray, of_cars: np.ndarray) -> np.ndarray:
-        return np.column_stack([of_robot[window], of_cars[window]])[present]
+        return np.asarray(np.column_stack([of_robot[window], of_cars[window]])[present])
 
     robot_lane = np.clip(np.floor(robot.y / road.lane_width + 0.5), 0, road.lane_count - 1).astype(np.int8)
     columns = {

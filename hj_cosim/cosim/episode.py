@@ -115,15 +115,17 @@ def _observe(world: World) -> Observation:
 
 
 def _collided(observation: Observation, config: EpisodeConfig) -> bool:
-    return collides(
-        observation.robot,
-        config.robot.length,
-        config.robot.width,
-        observation.x,
-        observation.y,
-        observation.heading,
-        observation.length,
-        observation.width,
+    return bool(
+        collides(
+            observation.robot,
+            config.robot.length,
+            config.robot.width,
+            observation.x,
+            observation.y,
+            observation.heading,
+            observation.length,
+            observation.width,
+        )
     )
 
 

@@ -145,7 +145,7 @@ class ValueTable:
         grid = self.grid
         wraps = np.array([boundary == "periodic" for boundary in grid.boundary])
         inside = (rows >= np.array(grid.lower)) & (rows <= np.array(grid.upper))
-        return (inside | wraps).all(axis=1)
+        return np.asarray((inside | wraps).all(axis=1))
 
     def save(self, path: Path) -> None:
         """Write the table, whole or not at all.
