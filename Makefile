@@ -3,13 +3,16 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN_ARGS ?=
 
-.PHONY: help run test test-cluster lint bench pictures clean
+.PHONY: help run test test-cluster test-oldest coverage licences lint bench pictures clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make run    set up, then drive the default co-simulation (RUN_ARGS='dense --seed 3' to vary it)"
 	@echo "make test   set up, then run the tests"
 	@echo "make test-cluster  a study on a Dask cluster of real processes on this machine"
+	@echo "make test-oldest  the tests with the oldest dependencies that pyproject.toml allows, in .venv-oldest"
+	@echo "make coverage  the tests, and which lines of the package they run; fails below 90 %"
+	@echo "make licences  what the dependencies are licensed under"
 	@echo "make lint   ruff and mypy"
 	@echo "make bench  the benchmarks, measured against the peers in the same run"
 	@echo "make clean  remove the virtual environment and caches (tables and runs stay)"
@@ -22,6 +25,30 @@ test: .venv/.test-ready
 
 test-cluster: .venv/.test-ready
 	@$(BIN)/python -m pytest tests/study/cluster
+
+coverage: .venv/.test-ready
+	@$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --cov --cov-report term
+
+licences: .venv/.test-ready
+	@$(BIN)/pip-licenses --from mixed --format markdown --order license --ignore-packages hj-cosim \
+	  | grep '^|[- ][^ ]'  # some state their whole licence
+
+# Numba's cached kernels are those of one numba: the oldest one has a folder of its own for them. What a wheel needs is
+# installed anew by its own test, in the newest versions.
+test-oldest: .venv-oldest/.ready
+	@NUMBA_CACHE_DIR=$(CURDIR)/.venv-oldest/numba .venv-oldest/bin/python -m pytest -n 2 --dist loadfile \
+	  --no-loadscope-reorder --ignore=tests/benchmarks --ignore=tests/study/cluster --ignore=tests/test_wheel.py
+
+.venv-oldest/.ready: pyproject.toml tests/oldest.txt .venv/.uv-ready
+	@test -x .venv-oldest/bin/python || $(PYTHON) -m venv .venv-oldest
+	@$(BIN)/uv pip install --quiet --python .venv-oldest/bin/python --constraint tests/oldest.txt --editable '.[test]'
+	@touch $@
+
+# Renews tests/oldest.txt from the lower bounds in pyproject.toml.
+.PHONY: oldest
+oldest: .venv/.uv-ready
+	@$(BIN)/uv pip compile pyproject.toml --extra test --resolution lowest-direct --python-version 3.11 \
+	  --no-header --no-annotate --quiet --output-file tests/oldest.txt
 
 lint: .venv/.test-ready
 	@$(BIN)/ruff check .
@@ -43,7 +70,7 @@ pictures: .venv/.run-ready
 	rm -rf runs/pictures/run runs/pictures/short
 
 clean:
-	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-oldest .pytest_cache .mypy_cache .ruff_cache
 	find hj_cosim tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # One stamp a set of extras: a second call installs nothing. uv installs in seconds what pip needs two minutes for;

@@ -5,9 +5,9 @@ All models are frozen, refuse unknown keys and non-finite numbers, and are SI un
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -15,6 +15,11 @@ from hj_cosim.errors import ConfigurationError
 
 Scheme = Literal["first_order", "eno2", "weno3", "weno5"]
 Boundary = Literal["linear", "away_from_zero", "periodic"]
+# What one action of the planner's tree is predicted in, at most.
+MOST_PREDICTION_STEPS = 1000
+# Samples times cars of an episode, which is kept in memory until it is written: some 4 GB.
+MOST_RECORDED = 100_000_000
+
 Backend = Literal["daqp", "osqp", "quadprog", "piqp", "clarabel"]
 
 
@@ -27,13 +32,13 @@ class Settings(BaseModel):
 class RobotSettings(Settings):
     """The robot's body and limits (paper, case study; SPEC section 4)."""
 
-    length: float = Field(5.0, gt=0, description="m")
-    width: float = Field(2.0, gt=0, description="m")
-    wheelbase: float = Field(5.0, gt=0, description="m, the paper's L")
-    omega_max: float = Field(0.3, gt=0, description="rad/s, limit on |omega_r|")
-    acceleration_min: float = Field(-6.0, lt=0, description="m/s²")
-    acceleration_max: float = Field(4.0, gt=0, description="m/s²")
-    speed_max: float = Field(40.0, gt=0, description="m/s")
+    length: float = Field(5.0, ge=0.1, le=100, description="m")
+    width: float = Field(2.0, ge=0.1, le=20, description="m")
+    wheelbase: float = Field(5.0, ge=0.1, le=100, description="m, the paper's L")
+    omega_max: float = Field(0.3, ge=0.001, le=10, description="rad/s, limit on |omega_r|")
+    acceleration_min: float = Field(-6.0, ge=-100, le=-0.01, description="m/s²")
+    acceleration_max: float = Field(4.0, ge=0.01, le=100, description="m/s²")
+    speed_max: float = Field(40.0, ge=0.1, le=1000, description="m/s")
 
 
 class TrackingSettings(Settings):
@@ -76,6 +81,11 @@ class PlannerSettings(Settings):
             raise ValueError(f"speed_high ({self.speed_high}) must exceed speed_low ({self.speed_low})")
         if self.speed_floor > self.speed_low:
             raise ValueError(f"speed_floor ({self.speed_floor}) must not exceed speed_low ({self.speed_low})")
+        if self.action_time > MOST_PREDICTION_STEPS * self.prediction_step:
+            raise ValueError(
+                f"prediction_step ({self.prediction_step}) must be at least action_time ({self.action_time}) /"
+                f" {MOST_PREDICTION_STEPS}"
+            )
         return self
 
 
@@ -98,7 +108,7 @@ class FilterSettings(Settings):
     scheme: Literal["mi", "sw"] = "mi"
     epsilon: float = Field(2.0, ge=0, description="m, a car with V <= ε is in K")
     slack_weight: float = Field(10.0, gt=0, description="λ_3; the paper has 1")
-    solver: Backend = "daqp"
+    solver: Backend = Field("daqp", description="quadprog may never end where many cars are at one place")
     rss: RssParameters = RssParameters(response_time=0.5, brake_min=4.0, brake_max=8.0)
 
 
@@ -106,9 +116,9 @@ class SimulationSettings(Settings):
     """Clocks of an episode."""
 
     duration: float = Field(30.0, gt=0, le=3600, description="s, recorded time")
-    step: float = Field(0.02, gt=0, le=0.1, description="s, control and traffic step")
-    plan_period: float = Field(1.0, gt=0, description="s between plans")
-    settle_time: float = Field(3.0, ge=0, description="s that the traffic settles before the robot takes over")
+    step: float = Field(0.02, ge=0.001, le=0.1, description="s, control and traffic step")
+    plan_period: float = Field(1.0, gt=0, le=3600, description="s between plans")
+    settle_time: float = Field(3.0, ge=0, le=3600, description="s that the traffic settles before the robot takes over")
     on_collision: Literal["stop", "continue"] = "stop"
 
 
@@ -117,7 +127,7 @@ class NormalDistribution(Settings):
 
     mean: float = Field(gt=0)
     deviation: float = Field(ge=0)
-    truncation: float = Field(2.5, gt=0)
+    truncation: float = Field(2.5, ge=0.1, description="what lies beyond is drawn again")
 
     @model_validator(mode="after")
     def _stays_positive(self) -> "NormalDistribution":
@@ -201,7 +211,7 @@ class Scenario(Settings):
 
     name: str
     description: str = ""
-    seed: int = Field(0, ge=0, description="of an episode that is given no other")
+    seed: int = Field(0, ge=0, lt=2**63, description="of an episode that is given no other")
     network: NetworkSettings = NetworkSettings()
     traffic: TrafficSettings = TrafficSettings()
     drivers: DriverSettings = DriverSettings()
@@ -256,7 +266,7 @@ class TableSpecification(Settings):
 class EpisodeConfig(Settings):
     """Everything that an episode depends on; its run folder's config.toml."""
 
-    seed: int = Field(0, ge=0)
+    seed: int = Field(0, ge=0, lt=2**63)
     preset: Literal["best", "paper"] = "best"
     table: str = Field("highway", description="a name in value_tables/ or a path to a specification")
     robot: RobotSettings = RobotSettings()
@@ -265,6 +275,17 @@ class EpisodeConfig(Settings):
     filter: FilterSettings = FilterSettings()
     simulation: SimulationSettings = SimulationSettings()
     scenario: Scenario
+
+    @model_validator(mode="after")
+    def _fits_into_memory(self) -> "EpisodeConfig":
+        traffic, simulation = self.scenario.traffic, self.simulation
+        cars = traffic.count + traffic.count_behind + len(self.scenario.cars)
+        if (cars + 1) * simulation.duration > MOST_RECORDED * simulation.step:
+            raise ValueError(
+                f"simulation.duration ({simulation.duration} s) of {cars} cars in steps of simulation.step"
+                f" ({simulation.step} s) is more than is kept in memory, {MOST_RECORDED} samples of a car; take less"
+            )
+        return self
 
     @model_validator(mode="before")
     @classmethod
@@ -287,18 +308,52 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 Model = TypeVar("Model", bound=Settings)
 
 
+LARGEST_TOML = 2_000_000  # bytes; a scene of 5000 cars at given places has a fifth of it
+DEEPEST_TOML = 20  # tables and arrays within each other
+LONGEST_TOML_LINE = 5000  # characters; the time that tomllib takes for a key grows with the square of its parts
+_LONGEST_SHOWN = 100  # characters of a wrong key or value in a message
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file.
 
     Raises:
-        ConfigurationError: if it cannot be read or is not TOML.
+        ConfigurationError: if it cannot be read, is not TOML, or is larger or deeper than LARGEST_TOML, DEEPEST_TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        with path.open("rb") as file:
+            content = file.read(LARGEST_TOML + 1)
     except OSError as error:
         raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    if len(content) > LARGEST_TOML:
+        raise ConfigurationError(f"{path} is too large; {LARGEST_TOML / 1e6:g} MB of TOML is the most")
+    try:
+        return parse_toml(content.decode("utf-8"))
+    except ValueError as error:
         raise ConfigurationError(f"{path} is not TOML: {error}") from error
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the content of a TOML text.
+
+    Raises:
+        ValueError: if it is not TOML, deeper than DEEPEST_TOML, or a line is longer than LONGEST_TOML_LINE.
+    """
+    for number, line in enumerate(text.splitlines(), start=1):
+        if len(line) > LONGEST_TOML_LINE:
+            raise ValueError(f"line {number} has {len(line)} characters; {LONGEST_TOML_LINE} is the most")
+    too_deep = f"it has more than {DEEPEST_TOML} tables and arrays within each other"
+    try:
+        data = tomllib.loads(text)
+    except RecursionError as error:
+        raise ValueError(too_deep) from error
+    within: list[Any] = [data]
+    for _ in range(DEEPEST_TOML):
+        below = [value.values() if isinstance(value, dict) else value for value in within]
+        within = [value for values in below for value in values if isinstance(value, dict | list)]
+        if not within:
+            return data
+    raise ValueError(too_deep)
 
 
 def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
@@ -311,19 +366,32 @@ def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"]) or "the whole"
+        key = shown(".".join(str(part) for part in first["loc"]) or "the whole")
         if first["type"] == "extra_forbidden":
-            raise ConfigurationError(f"{source}: unknown key {key!r}; {_known_keys(model, first['loc'])}") from error
+            known = ", ".join(_fields_at(model, first["loc"][:-1]))
+            raise ConfigurationError(f"{source}: unknown key {key!r}; known keys are {known}") from error
         reason = first["msg"].removeprefix("Value error, ")
-        given = "" if first["type"] in ("missing", "value_error") else f" = {first['input']!r}"
+        given = "" if first["type"] in ("missing", "value_error") else f" = {shown(repr(first['input']))}"
         raise ConfigurationError(f"{source}: {key}{given}: {reason[:1].lower()}{reason[1:]}") from error
 
 
-def _known_keys(model: type[Settings], location: tuple[int | str, ...]) -> str:
-    fields: Any = model.model_fields
-    for part in location[:-1]:
-        fields = fields[part].annotation.model_fields
-    return f"known keys are {', '.join(fields)}"
+def shown(text: str) -> str:
+    """Return a text that fits into a sentence: its beginning, where it is longer."""
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+
+
+def _fields_at(model: type[Settings], location: tuple[int | str, ...]) -> Iterable[str]:
+    """Return the keys of the group of knobs at a place within a model; a list's groups all have the same."""
+    for part in location:
+        if isinstance(part, str):
+            annotation = model.model_fields[part].annotation
+            groups = [kind for kind in (annotation, *get_args(annotation)) if _is_group(kind)]
+            model = groups[0]
+    return model.model_fields
+
+
+def _is_group(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Settings)
 
 
 def overlay(base: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
@@ -344,11 +412,18 @@ def parse_assignment(text: str) -> dict[str, Any]:
     key, separator, value = text.partition("=")
     parts = [part.strip() for part in key.split(".")]
     if not separator or not all(parts):
-        raise ConfigurationError(f"--set {text}: write KEY=VALUE, for example planner.gamma_r=0.8")
+        raise ConfigurationError(f"--set {shown(text)}: write KEY=VALUE, for example planner.gamma_r=0.8")
+    if len(parts) > DEEPEST_TOML:
+        raise ConfigurationError(f"--set {shown(text)}: no key has so many parts")
     try:
-        parsed: Any = tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise ConfigurationError(f"--set {text!r} is not UTF-8; write it with letters that are") from error
+    try:
+        parsed: Any = parse_toml(f"value = {value}")["value"]
+    except ValueError:
         parsed = value.strip()
-    for part in reversed(parts):
-        parsed = {part: parsed}
-    return parsed
+    nested: dict[str, Any] = {parts[-1]: parsed}
+    for part in reversed(parts[:-1]):
+        nested = {part: nested}
+    return nested

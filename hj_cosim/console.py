@@ -33,9 +33,14 @@ _SUMMARY_ROWS = (
     ("intervention_percent", "filter intervened", "%", ".1f"),
     ("promise_kept_percent", "filter kept its promise", "%", ".2f"),
     ("promise_samples", "samples with a promise", "", "d"),
+    ("not_judged_samples", "samples that the filter could not judge", "", "d"),
+    ("desired_not_finite_samples", "samples with no finite control to filter", "", "d"),
+    ("solver_failures", "failures of the filter's solver, answered by another", "", "d"),
     ("wall_seconds", "wall time", "s", ".2f"),
     ("real_time_factor", "faster than real time", "x", ".1f"),
 )
+# What should not happen is shown only where it did.
+_FAULTS = ("not_judged_samples", "desired_not_finite_samples", "solver_failures")
 
 
 class WarningCount(logging.Handler):
@@ -97,7 +102,7 @@ def summary_table(summary: Mapping[str, Any]) -> Table:
     table.add_column("value", justify="right")
     table.add_column("unit")
     for key, what, unit, form in _SUMMARY_ROWS:
-        if key in summary:
+        if key in summary and (summary[key] or key not in _FAULTS):
             value = summary[key]
             table.add_row(what, "–" if value is None else format(value, form), unit)
     return table

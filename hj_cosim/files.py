@@ -1,12 +1,21 @@
 """Files that appear whole or not at all."""
 
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from hj_cosim.errors import HjCosimError
+
+LONGEST_NAME = 200  # bytes; a file system takes 255, and a stack, a seed and a temporary name's letters are added
+
+
+def file_name(text: str) -> str:
+    """Return a text, whoever wrote it, as a part of a file's name: no separator, no dot in front, not too long."""
+    allowed = re.sub(r"[^\w.,=+-]", "_", text).lstrip(".").encode()
+    return allowed[:LONGEST_NAME].decode(errors="ignore") or "_"
 
 
 @contextmanager

@@ -15,12 +15,14 @@ ASSIGNMENTS = {
     "seed=one": "valid integer",
     "preset=bst": "'best' or 'paper'",
     "sed=3": "unknown key 'sed'",
-    "robot.length=0": "greater than 0",
-    "robot.width=-2": "greater than 0",
-    "robot.wheelbase=0": "greater than 0",
-    "robot.omega_max=0": "greater than 0",
-    "robot.acceleration_min=1": "less than 0",
-    "robot.acceleration_max=0": "greater than 0",
+    "robot.length=0": "greater than or equal to 0.1",
+    "robot.width=-2": "greater than or equal to 0.1",
+    "robot.wheelbase=0": "greater than or equal to 0.1",
+    "robot.omega_max=0": "greater than or equal to 0.001",
+    "robot.omega_max=1e-200": "greater than or equal to 0.001",
+    "robot.acceleration_min=1": "less than or equal to -0.01",
+    "robot.acceleration_max=0": "greater than or equal to 0.01",
+    "robot.acceleration_max=1e300": "less than or equal to 100",
     "robot.speed_max=inf": "finite number",
     "robot.wheels=4": "unknown key 'robot.wheels'",
     "tracking.k_theta=0": "greater than 0",
@@ -50,7 +52,13 @@ ASSIGNMENTS = {
     "filter.rss.brake=4": "unknown key 'filter.rss.brake'",
     "simulation.duration=0": "greater than 0",
     "simulation.duration=1e9": "less than or equal to 3600",
-    "simulation.step=0": "greater than 0",
+    "simulation.step=0": "greater than or equal to 0.001",
+    "simulation.step=1e-300": "greater than or equal to 0.001",
+    "simulation.settle_time=1e300": "less than or equal to 3600",
+    "simulation.plan_period=1e300": "less than or equal to 3600",
+    "planner.prediction_step=1e-9": "must be at least action_time",
+    "planner.action_time=1e300": "must be at least action_time",
+    "seed=9223372036854775808": "seed",
     "simulation.step=1": "less than or equal to 0.1",
     "simulation.plan_period=-1": "greater than 0",
     "simulation.settle_time=-1": "greater than or equal to 0",
@@ -63,6 +71,7 @@ ASSIGNMENTS = {
     "scenario.traffic.cars=3": "unknown key 'scenario.traffic.cars'",
     "scenario.drivers.desired_speed.mean=0": "greater than 0",
     "scenario.drivers.desired_speed.deviation=20": "reaches zero",
+    "scenario.drivers.desired_speed.truncation=1e-9": "greater than or equal to 0.1",
     "scenario.drivers.desired_speed=23": "scenario.drivers.desired_speed",
     "scenario.drivers.politeness=2": "less than or equal to 1",
     "scenario.drivers.safe_braking=0": "greater than 0",
@@ -107,7 +116,8 @@ SPECIFICATIONS = {
     ("horizon = 3.0", "horizon = 3.0\nparameters = { friction = 1.0 }"): "friction",
 }
 
-# Each case: arguments, and what the answer must name. FILE is a file, EMPTY an empty folder, FULL one with a file.
+# Each case: arguments, and what the answer must name. FILE is a file, EMPTY an empty folder, FULL one with a file,
+# STRANGE and STUDY a run's and a study's folder with other things in their files.
 COMMANDS = {
     ("run", "no_such_scenario"): "choose one of",
     ("run", "absent.toml"): "absent.toml does not exist",
@@ -136,6 +146,33 @@ COMMANDS = {
     ("replay", "EMPTY"): "holds no run",
     ("replay", "absent"): "is not a folder",
     ("report", "EMPTY"): "holds neither a run nor a study",
+    ("report", "absent"): "holds neither a run nor a study",
+    ("run", "--preset", "bst"): "choose one of best, paper",
+    ("run", "--seed", "-1"): "seed = -1",
+    ("run", "--duration", "nan"): "simulation.duration = nan",
+    ("run", "--planner", "dijkstra"): "'hjop', 'op' or 'idle'",
+    ("run", "--table", "absent.toml"): "absent.toml does not exist",
+    ("study", "--seed", "-1"): "seed",
+    ("study", "--preset", "bst"): "choose one of best, paper",
+    ("study", "--set", "planner.gamma_r=2"): "planner.gamma_r = 2",
+    ("study", "--vary", "seed=1,2"): "a study sets seed itself",
+    ("study", "--out", "FULL"): "is not empty",
+    ("study", "--scenario", "absent.toml"): "absent.toml does not exist",
+    ("table", "solve", "no_such_table"): "choose one of",
+    ("table", "show", "absent.toml"): "absent.toml does not exist",
+    ("table", "check", "FILE.toml"): "FILE.toml does not exist",
+    ("figure", "timeline", "--run", "absent"): "is not a folder",
+    ("figure", "trade-off", "--study", "absent"): "holds no complete study",
+    ("export", "FILE"): "holds no run",
+    ("replay", "FILE"): "is not a folder",
+    ("replay", "STRANGE"): "unknown key 'colour'",
+    ("report", "STRANGE"): "unknown key 'colour'",
+    ("export", "STRANGE", "--format", "csv"): "trajectories.parquet is broken",
+    ("export", "STRANGE", "--format", "fcd"): "unknown key 'colour'",
+    ("figure", "timeline", "--run", "STRANGE"): "unknown key 'colour'",
+    ("report", "STUDY"): "table.csv has no column scenario",
+    ("figure", "trade-off", "--study", "STUDY"): "windows.parquet",
+    ("figure", "density-sweep", "--study", "STUDY"): "table.csv has no column scenario",
 }
 
 
@@ -147,6 +184,13 @@ def refused(capsys, monkeypatch, tmp_path):
     (folder / "FULL").mkdir()
     (folder / "FULL" / "notes.txt").write_text("mine")
     (folder / "FILE").write_text("mine")
+    (folder / "STRANGE").mkdir()
+    (folder / "STRANGE" / "config.toml").write_text("colour = 'red'\n[scenario]\nname = 'x'\n")
+    for name in ("trajectories.parquet", "robot.parquet", "summary.json"):
+        (folder / "STRANGE" / name).write_text("mine")
+    (folder / "STUDY").mkdir()
+    (folder / "STUDY" / "table.csv").write_text("a,b\n1,2\n")
+    (folder / "STUDY" / "windows.parquet").write_text("mine")
     monkeypatch.chdir(folder)
 
     def listing():
@@ -209,6 +253,11 @@ def test_wrong_command(refused, arguments):
         ("<net", "is not"),
         ("<net/>", "edge"),
         ('<!DOCTYPE net [<!ENTITY a "aaaa">]><net>&a;</net>', "DOCTYPE"),
+        ('<!DOCTYPE net SYSTEM "/etc/passwd"><net/>', "DOCTYPE"),
+        ('<net version="1.20"><include href="/etc/passwd"/></net>', "includes another file"),
+        ("<net>" + "<edge>" * 100, "elements within each other"),
+        ("<!--" + "x" * 100_000_000, "too large; 100 MB of network is the most"),
+        ("\x1f\x8b", "is not"),
     ],
 )
 def test_wrong_network(refused, tmp_path, small_specification, content, said):
@@ -217,6 +266,24 @@ def test_wrong_network(refused, tmp_path, small_specification, content, said):
     sentence = refused("run", str(tmp_path / "mine.toml"), "--table", str(small_specification))
     assert said in sentence
     assert "mine.net.xml" in sentence
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("program = 3", "program = 3 is no table"),
+        ("= 3", "is not TOML"),
+        ("x = " + "[" * 4000, "within each other"),
+    ],
+)
+def test_wrong_study_to_resume(refused, tmp_path, small_specification, small_table, content, said):
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study" / "study.toml").write_text(content)
+    table = f"table={small_specification}"
+    sentence = refused("study", "--resume", "--out", str(tmp_path / "study"), "--set", table, "--episodes", "1")
+    assert said in sentence
+    assert "study.toml" in sentence
+    assert (tmp_path / "study" / "study.toml").read_text() == content
 
 
 @pytest.mark.parametrize("damage", ["empty", "truncated", "altered", "pickle"])

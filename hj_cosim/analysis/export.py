@@ -15,6 +15,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet as pq
 
+from hj_cosim.analysis.run_bounds import open_columns
 from hj_cosim.analysis.run_folder import TRAJECTORIES, read_config, road_of
 from hj_cosim.errors import OutputError, RunFolderError
 from hj_cosim.files import whole_file
@@ -22,6 +23,7 @@ from hj_cosim.vehicles.road import Road
 
 # What each format's file is called when no name is given.
 DEFAULT_NAMES = {"csv": "trajectories.csv", "parquet": "trajectories.plain.parquet", "fcd": "trajectories.fcd.xml"}
+COLUMNS = ("time", "vehicle", "x", "y", "heading", "speed", "acceleration", "lane", "length", "width")
 
 
 def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
@@ -48,21 +50,28 @@ def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
     if format not in DEFAULT_NAMES:
         raise OutputError(f"cannot export as {format!r}; choose one of {', '.join(DEFAULT_NAMES)}")
     target = out or folder / DEFAULT_NAMES[format]
+    if not (folder / TRAJECTORIES).is_file():
+        raise RunFolderError(f"{folder} holds no run: {TRAJECTORIES} is missing")
+    edge = read_config(folder)["scenario"]["network"]["edge"] if format == "fcd" else ""
     try:
-        trajectories = pq.ParquetFile(folder / TRAJECTORIES)
-    except FileNotFoundError as error:
-        raise RunFolderError(f"{folder} holds no run: {TRAJECTORIES} is missing") from error
-    except pa.ArrowInvalid as error:
+        with open_columns(folder / TRAJECTORIES) as trajectories:
+            _require_columns(trajectories.schema_arrow)
+            with whole_file(target) as temporary:
+                if format == "csv":
+                    _write_csv(trajectories, temporary)
+                elif format == "parquet":
+                    _write_parquet(trajectories, temporary)
+                else:
+                    _write_fcd(trajectories, temporary, road_of(trajectories.schema_arrow), edge)
+    except (OSError, ValueError, KeyError) as error:  # pyarrow's errors are among these
         raise RunFolderError(f"{folder / TRAJECTORIES} is broken: {error}") from error
-    with trajectories, whole_file(target) as temporary:
-        if format == "csv":
-            _write_csv(trajectories, temporary)
-        elif format == "parquet":
-            _write_parquet(trajectories, temporary)
-        else:
-            edge = read_config(folder)["scenario"]["network"]["edge"]
-            _write_fcd(trajectories, temporary, road_of(trajectories.schema_arrow), edge)
     return target
+
+
+def _require_columns(schema: pa.Schema) -> None:
+    missing = [name for name in COLUMNS if name not in schema.names]
+    if missing:
+        raise KeyError(f"it has no column {missing[0]}")
 
 
 def _row_groups(trajectories: pq.ParquetFile) -> Iterator[pa.Table]:

@@ -17,7 +17,8 @@ from typing import Any
 import pandas as pd
 import tomli_w
 
-from hj_cosim.analysis.figures.gallery import draw_figure, read_study_table, table_of
+from hj_cosim.analysis.figures.gallery import TEXT_COLUMNS, draw_figure, read_study_table, table_of
+from hj_cosim.analysis.figures.stacks import STACK_COLUMNS
 from hj_cosim.analysis.figures.style import save_drawing
 from hj_cosim.analysis.replay_data import replay_data
 from hj_cosim.analysis.run_folder import ROBOT, Run, read_run
@@ -99,7 +100,7 @@ def run_page(run: Run, table: ValueTable, progress: Progress) -> str:
 
 def study_page(folder: Path, progress: Progress) -> str:
     """Return the HTML of a study's report."""
-    table = read_study_table(folder / "table.csv")
+    table = read_study_table(folder / "table.csv", TEXT_COLUMNS)
     figures = {"trade-off": "Safety over performance in windows of ten seconds."}
     if table.scenario.nunique() > 1:
         figures["density-sweep"] = "What denser traffic does."
@@ -114,7 +115,10 @@ def study_page(folder: Path, progress: Progress) -> str:
         f"<p>{missing} episodes are missing: they failed.</p>" if missing else "",
     ]
     if (folder / "comparison.csv").exists():
-        parts += ["<h2>Beside the paper</h2>", _intervals_table(read_study_table(folder / "comparison.csv"))]
+        parts += [
+            "<h2>Beside the paper</h2>",
+            _intervals_table(read_study_table(folder / "comparison.csv", STACK_COLUMNS)),
+        ]
     return _page(f"Study {folder.name}", [*parts, "<h2>Figures</h2>", *drawn])
 
 

@@ -7,7 +7,6 @@ compression are fixed, and nothing that depends on the time or the machine is wr
 import json
 import os
 import tempfile
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
@@ -18,10 +17,21 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from pydantic import TypeAdapter
 
 from hj_cosim.analysis.columns import name_column, numeric_column, text_column
 from hj_cosim.analysis.record import NO_VEHICLE, ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
-from hj_cosim.errors import RunFolderError
+from hj_cosim.analysis.run_bounds import (
+    open_columns,
+    plain_column,
+    plain_numbers,
+    require_finite,
+    require_road,
+    require_room,
+    require_times,
+)
+from hj_cosim.config import EpisodeConfig, read_toml, validate
+from hj_cosim.errors import ConfigurationError, RunFolderError
 from hj_cosim.vehicles.road import Road
 
 CONFIG = "config.toml"
@@ -42,6 +52,10 @@ _DRIVER_COLUMNS = (  # in the order of vehicles.idm
     "exponent",
 )
 _ROAD_KEY = b"hj_cosim.road"
+LARGEST_SUMMARY = 1_000_000  # bytes
+# What the title of a report and of a figure needs.
+_SUMMARY_KEYS = {"scenario", "planner", "filter", "scheme", "seed"}
+_ROBOT_STATE = ("x", "y", "heading", "speed", "steering", "omega", "acceleration", "plan_speed", "plan_lane")
 
 
 @dataclass(frozen=True)
@@ -151,7 +165,7 @@ def _trajectory_table(record: RunRecord, start: int, stop: int) -> pa.Table:
     sample, column = np.nonzero(present)  # in the order of time, then of the columns
 
     def both(of_robot: np.ndarray, of_cars: np.ndarray) -> np.ndarray:
-        return np.column_stack([of_robot[window], of_cars[window]])[present]
+        return np.asarray(np.column_stack([of_robot[window], of_cars[window]])[present])
 
     robot_lane = np.clip(np.floor(robot.y / road.lane_width + 0.5), 0, road.lane_count - 1).astype(np.int8)
     columns = {
@@ -198,38 +212,61 @@ def _writing(schema: pa.Schema) -> dict[str, Any]:
 
 
 def read_run(folder: Path) -> Run:
-    """Return the run in `folder`.
+    """Return the run in `folder`, which anybody may have made.
 
     Raises:
-        RunFolderError: if the folder or one of its files is missing or broken.
+        RunFolderError: if the folder or one of its files is missing, broken, or larger than `run_bounds` allows.
     """
     config = read_config(folder)
     missing = [name for name in (TRAJECTORIES, ROBOT, SUMMARY) if not (folder / name).exists()]
     if missing:
         raise RunFolderError(f"{folder} holds no complete run: {', '.join(missing)} is missing")
     try:
-        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        with pq.ParquetFile(folder / TRAJECTORIES) as trajectories, pq.ParquetFile(folder / ROBOT) as robot:
-            record = _read_record(trajectories, robot.read())
+        summary = read_summary(folder / SUMMARY)
+        with open_columns(folder / TRAJECTORIES) as trajectories, open_columns(folder / ROBOT) as robot:
+            record = _read_record(trajectories, robot)
     except (OSError, ValueError, KeyError, IndexError) as error:  # pyarrow's and json's errors are among these
         raise RunFolderError(f"{folder} holds no readable run: {error}") from error
     return Run(folder, config, summary, record)
 
 
 def read_config(folder: Path) -> dict[str, Any]:
-    """Return the content of a run's config.toml.
+    """Return the content of a run's config.toml, checked, and completed where it leaves something to its default.
 
     Raises:
         RunFolderError: if it is missing or broken.
     """
     if not folder.is_dir():
         raise RunFolderError(f"{folder} is not a folder; give the folder that a run wrote")
+    if not (folder / CONFIG).is_file():
+        raise RunFolderError(f"{folder} holds no run: {CONFIG} is missing")
     try:
-        return tomllib.loads((folder / CONFIG).read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise RunFolderError(f"{folder} holds no run: {CONFIG} is missing") from error
-    except (OSError, ValueError) as error:
-        raise RunFolderError(f"{folder} holds no readable run: {CONFIG}: {error}") from error
+        config = validate(EpisodeConfig, read_toml(folder / CONFIG), str(folder / CONFIG))
+    except ConfigurationError as error:
+        raise RunFolderError(f"{folder} holds no readable run: {error}") from error
+    return config.model_dump(mode="json", exclude_none=True)
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """Return the content of a run's summary.json.
+
+    Raises:
+        OSError: if it cannot be read.
+        ValueError: if it is larger than LARGEST_SUMMARY, no JSON, or no summary.
+    """
+    with path.open("rb") as file:
+        content = file.read(LARGEST_SUMMARY + 1)
+    if len(content) > LARGEST_SUMMARY:
+        raise ValueError(f"{path.name} is too large; {LARGEST_SUMMARY / 1e6:g} MB is the most")
+    try:
+        summary = json.loads(content)
+    except RecursionError as error:
+        raise ValueError(f"{path.name} is nested too deeply") from error
+    if not isinstance(summary, dict) or not summary.keys() >= _SUMMARY_KEYS:
+        raise ValueError(f"{path.name} is no summary: it must have {', '.join(sorted(_SUMMARY_KEYS))}")
+    if any(isinstance(value, list | dict) for value in summary.values()):
+        raise ValueError(f"{path.name} is no summary: it must have one number or text a key")
+    return summary
 
 
 def road_of(schema: pa.Schema) -> Road:
@@ -237,37 +274,64 @@ def road_of(schema: pa.Schema) -> Road:
 
     Raises:
         KeyError: if it carries none.
+        ValueError: if that is no road.
     """
-    return Road(**json.loads(schema.metadata[_ROAD_KEY]))
+    try:
+        road = TypeAdapter(Road).validate_json((schema.metadata or {})[_ROAD_KEY])
+    except KeyError as error:
+        raise KeyError(f"{TRAJECTORIES} does not say what road it is about") from error
+    require_road(road)
+    return road
 
 
-def _read_record(trajectories: pq.ParquetFile, robot: pa.Table) -> RunRecord:
-    time = robot["time"].to_numpy()
-    first = trajectories.read_row_group(0, columns=["vehicle"])["vehicle"].chunk(0).dictionary.to_pylist()
+def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> RunRecord:
+    road = road_of(trajectories.schema_arrow)
+    robot = robot_file.read()
+    time = plain_column(robot, "time")
+    require_times(time)
+    first = _vehicle_names(trajectories)
+    require_room(len(time), len(first))
     names = tuple(first[1:])
     body = np.zeros((len(first), 2))
     traffic = TrafficTrack.empty(names, body[1:, 0], body[1:, 1], len(time))
     for group in range(trajectories.num_row_groups):
         rows = trajectories.read_row_group(group)
-        car = rows["vehicle"].combine_chunks().indices.to_numpy()
-        sample = np.searchsorted(time, rows["time"].to_numpy())
-        body[car, 0], body[car, 1] = rows["length"].to_numpy(), rows["width"].to_numpy()
+        vehicle = rows["vehicle"].combine_chunks()
+        if group > 0 and vehicle.dictionary.to_pylist() != first:
+            raise ValueError(f"{TRAJECTORIES} numbers its vehicles differently from place to place")
+        car = plain_numbers(vehicle.indices, "vehicle")
+        sample = np.searchsorted(time, plain_column(rows, "time"))
+        columns = {name: plain_column(rows, name) for name in ("length", "width", *_TRAFFIC_FLOATS, "lane")}
+        require_finite(columns)
+        body[car, 0], body[car, 1] = columns["length"], columns["width"]
         others = car > 0
         place = (sample[others], car[others] - 1)
         traffic.present[place] = True
         for name in (*_TRAFFIC_FLOATS, "lane"):
-            getattr(traffic, name)[place] = rows[name].to_numpy()[others]
-    columns = {name: robot[name].to_numpy() for name in robot.column_names if name != "value_vehicle"}
+            getattr(traffic, name)[place] = columns[name][others]
+    columns = {name: plain_column(robot, name) for name in robot.column_names if name != "value_vehicle"}
+    require_finite({name: columns[name] for name in _ROBOT_STATE})
     columns["value_vehicle"] = _vehicle_numbers(robot["value_vehicle"].combine_chunks())
+    if columns["value_vehicle"].max(initial=0) >= max(len(names), 1):
+        raise ValueError(f"{ROBOT} names a vehicle that {TRAJECTORIES} does not have")
     return RunRecord(
         time=time,
-        road=road_of(trajectories.schema_arrow),
+        road=road,
         robot_length=float(body[0, 0]),
         robot_width=float(body[0, 1]),
         traffic=traffic,
         robot=RobotTrack(**{field.name: columns[field.name] for field in fields(RobotTrack)}),
         threats=ThreatTrack(**{field.name: columns[field.name] for field in fields(ThreatTrack)}),
     )
+
+
+def _vehicle_names(trajectories: pq.ParquetFile) -> list[str]:
+    """Return the names of all vehicles, the robot's first."""
+    chunks = trajectories.read_row_group(0, columns=["vehicle"])["vehicle"].chunks
+    names = chunks[0].dictionary.to_pylist() if chunks else []
+    if not names or not all(isinstance(name, str) for name in names):
+        raise ValueError(f"{TRAJECTORIES} names no vehicle")
+    return names
 
 
 def _vehicle_numbers(vehicle: pa.DictionaryArray) -> np.ndarray:

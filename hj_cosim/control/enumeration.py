@@ -5,6 +5,9 @@ import math
 import numpy as np
 from numba import njit
 
+# Up to so many rows all of them are enumerated together.
+_FEW = 4
+
 
 @njit(cache=True)
 def least_cost_control(
@@ -19,10 +22,8 @@ def least_cost_control(
 ) -> tuple[float, float, float]:
     """Return the solution of the safety problem (`safety_problem`'s docstring).
 
-    With t eliminated the cost is a separable quadratic plus λ_3 times the largest of n affine pieces −(p ω + q a + c)
-    (and of 0 in MI). Its minimiser is the minimiser over the box of one piece, or over a segment where two pieces
-    are equal, or the point where three are. All of those lie in the box, so the cheapest is the solution: there is no
-    tolerance and nothing that can fail. O(K⁴), a microsecond for K <= 3.
+    Of many rows only a few matter: the row that the solution for some of them misses most joins them, until none is
+    missed. What solves the problem for those rows and keeps all others solves it for all. Some ten rows join of 500.
 
     Args:
         p, q, c: (K,) the rows; all finite.
@@ -34,6 +35,45 @@ def least_cost_control(
 
     Returns:
         ω, a and the slack t.
+    """
+    rows = len(p)
+    if rows <= _FEW:
+        return _enumerated(p, q, c, desired_omega, desired_acceleration, weights, slack_is_free, box)
+    omega = min(max(desired_omega, box[0]), box[1])
+    acceleration = min(max(desired_acceleration, box[2]), box[3])
+    slack = -math.inf if slack_is_free else 0.0
+    joined = np.zeros(rows, np.bool_)
+    while True:
+        worst, most = 0, -math.inf
+        for k in range(rows):
+            needed = -(p[k] * omega + q[k] * acceleration + c[k])
+            if needed > most:
+                worst, most = k, needed
+        if most <= slack or joined[worst]:
+            return omega, acceleration, slack
+        joined[worst] = True
+        omega, acceleration, slack = _enumerated(
+            p[joined], q[joined], c[joined], desired_omega, desired_acceleration, weights, slack_is_free, box
+        )
+
+
+@njit(cache=True)
+def _enumerated(
+    p: np.ndarray,
+    q: np.ndarray,
+    c: np.ndarray,
+    desired_omega: float,
+    desired_acceleration: float,
+    weights: np.ndarray,
+    slack_is_free: bool,
+    box: np.ndarray,
+) -> tuple[float, float, float]:
+    """Return the solution for a few rows; arguments and result as of `least_cost_control`.
+
+    With t eliminated the cost is a separable quadratic plus λ_3 times the largest of n affine pieces −(p ω + q a + c)
+    (and of 0 in MI). Its minimiser is the minimiser over the box of one piece, or over a segment where two pieces
+    are equal, or the point where three are. All of those lie in the box, so the cheapest is the solution: there is no
+    tolerance and nothing that can fail. O(K⁴), a microsecond for K <= 3.
     """
     rows = len(p)
     # The affine pieces in coordinates scaled by the weights, in which the quadratic is a squared distance.

@@ -14,6 +14,10 @@ from numba import njit
 from hj_cosim.errors import TableError
 from hj_cosim.reachability.lookup import TableArrays, value_and_gradient_at, value_at
 from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.vehicles.observation import is_possible
+
+# A row with a larger coefficient comes from a broken table; squares of smaller ones do not overflow in any solver.
+LARGEST_COEFFICIENT = 1e12
 
 _PARAMETER_NAMES = ("other_heading_max", "other_acceleration_min", "other_acceleration_max")
 
@@ -66,18 +70,6 @@ def worst_drift(gradient: np.ndarray, heading: float, speed: float, other_speed:
 
 
 @njit(cache=True)
-def all_finite(robot: np.ndarray, x: np.ndarray, y: np.ndarray, heading: np.ndarray, speed: np.ndarray) -> bool:
-    """Return whether an observation's robot (4,) and other cars' states (J,) are free of NaN and infinity."""
-    for i in range(4):
-        if not math.isfinite(robot[i]):
-            return False
-    for j in range(len(x)):
-        if not (math.isfinite(x[j]) and math.isfinite(y[j]) and math.isfinite(heading[j]) and math.isfinite(speed[j])):
-            return False
-    return True
-
-
-@njit(cache=True)
 def hji_rows(
     table: TableArrays,
     robot: np.ndarray,
@@ -102,13 +94,13 @@ def hji_rows(
 
     Returns:
         the cars in K, (K,) int indices; their rows, (4, K), V, p, q, c; the least V of all cars, +inf if none
-        is within the table, NaN if the observation or a row is not finite; the index of its car, −1 if none.
+        is within the table, NaN if the observation or a row is not possible; the index of its car, −1 if none.
     """
     cars = np.empty(len(x), dtype=np.int64)
     rows = np.empty((4, len(x)))
     gradient = np.empty(5)
     count, least, nearest = 0, math.inf, -1
-    if not all_finite(robot, x, y, heading, speed):
+    if not is_possible(robot, x, y, heading, speed):
         return cars[:0], rows[:, :0], math.nan, -1
     for j in range(len(x)):
         p_x, p_y = robot[0] - x[j], robot[1] - y[j]
@@ -123,7 +115,7 @@ def hji_rows(
         rows[1, count] = gradient[2]
         rows[2, count] = gradient[3]
         rows[3, count] = worst_drift(gradient, robot[2], robot[3], speed[j], other)
-        if not math.isfinite(value + rows[1, count] + rows[2, count] + rows[3, count]):
+        if not abs(value) + abs(rows[1, count]) + abs(rows[2, count]) + abs(rows[3, count]) <= LARGEST_COEFFICIENT:
             return cars[:0], rows[:, :0], math.nan, -1
         count += 1
     return cars[:count], rows[:, :count], least, nearest

@@ -28,6 +28,7 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.config import RssParameters
+from hj_cosim.vehicles.observation import FARTHEST
 from hj_cosim.vehicles.rss import lateral_distance, longitudinal_distance
 
 # What is remembered of a pair, as bits.
@@ -125,12 +126,16 @@ def rss_rows(
         memory: (N,) int, which directions were safe when pair n was last not dangerous; written.
 
     Returns:
-        (R,) int, the car of each row (a car has up to two); (3, R) the rows' p, q, c; the dangerous cars' number.
+        (R,) int, the car of each row (a car has up to two); (3, R) the rows' p, q, c; the dangerous cars' number,
+        −1 if a body is not possible.
     """
     cars = np.empty(2 * len(x), dtype=np.int64)
     rows = np.empty((3, 2 * len(x)))
     count, dangerous = 0, 0
     cos, sin = math.cos(robot[2]), math.sin(robot[2])
+    for j in range(len(x)):
+        if not (0.0 <= length[j] <= FARTHEST and 0.0 <= width[j] <= FARTHEST):
+            return cars[:0], rows[:, :0], -1
     for j in range(len(x)):
         safe = pair_safety(robot, robot_size, x[j], y[j], heading[j], speed[j], length[j], width[j], rss)
         if safe != 0:

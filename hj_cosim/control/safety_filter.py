@@ -1,8 +1,9 @@
 """The safety filter between the tracking controller and the robot: SPC, RSS, or none.
 
 A filter never returns a control that is not finite or not within the robot's limits. Where it cannot judge, because
-the observation or the table gave NaN or infinity, it brakes as hard as the robot may and steers straight along the
-road; where only the desired control is not finite, it filters that control instead. Both are counted.
+the observation or the table gave NaN, infinity or what cannot be (`observation.FARTHEST`), it brakes as hard as the
+robot may and steers straight along the road; where only the desired control is not finite, it filters that control
+instead. Both are counted, and summary.json tells.
 """
 
 import math
@@ -21,6 +22,9 @@ from hj_cosim.reachability.value_table import ValueTable
 from hj_cosim.vehicles.observation import Control, Observation
 
 NOBODY = -1
+# What filters count, beside the backends that failed.
+NOT_JUDGED = "could not judge"
+DESIRED_NOT_FINITE = "desired not finite"
 # A row is met, and rows can be met together, when the slack is below this (m/s for the HJI, m/s² for RSS).
 SLACK_TOLERANCE = 1e-6
 # s, in which a robot that cannot judge turns to the road's direction.
@@ -59,7 +63,7 @@ class FilterResult:
 class SafetyFilter(Protocol):
     """Turns the desired control into a safe one."""
 
-    counts: Counter[str]  # "<backend> failed", "desired not finite", "could not judge"
+    counts: Counter[str]  # "<backend> failed", DESIRED_NOT_FINITE, NOT_JUDGED
 
     def filter(self, observation: Observation, desired: Control) -> FilterResult:
         """Return the control to apply for the next step; to be called once a step, in order."""
@@ -117,8 +121,8 @@ class _Door:
 
     def _wanted(self, observation: Observation, desired: Control) -> Control:
         """Return the desired control within the limits; braking where it is not finite."""
-        if not math.isfinite(desired.omega + desired.acceleration):
-            self.counts["desired not finite"] += 1
+        if not (math.isfinite(desired.omega) and math.isfinite(desired.acceleration)):
+            self.counts[DESIRED_NOT_FINITE] += 1
             return self._brake_in_lane(float(observation.robot[2]))
         return self._within_limits(desired)
 
@@ -135,11 +139,11 @@ class _Door:
             self._disturbance,
         )
         if math.isnan(value):
-            self.counts["could not judge"] += 1
             return None
         return _Sight(cars, rows, value, NOBODY if nearest < 0 else int(observation.vehicle[nearest]))
 
     def _unjudged(self, observation: Observation) -> FilterResult:
+        self.counts[NOT_JUDGED] += 1
         control = self._brake_in_lane(float(observation.robot[2]))
         return FilterResult(control, control, math.inf, NOBODY, 0, False, 0.0, 0.0, _NO_ROWS, self._limits, "")
 
@@ -171,26 +175,28 @@ class _Intervening(_Door, ABC):
 
     def filter(self, observation: Observation, desired: Control) -> FilterResult:
         """Return the control nearest to the desired one that keeps the rows; see SafetyFilter."""
-        sight = self._look(observation, self._epsilon())
-        if sight is None:
-            result = self._unjudged(observation)
-        else:
-            wanted = self._wanted(observation, desired)
-            rows, constraints = self._rows(observation, sight)
-            if constraints == 0:
-                result = self._unfiltered(wanted, sight)
-            else:
-                result = self._solve(rows, constraints, wanted, self._available(observation.robot), sight)
+        result = self._judged(observation, desired)
         self._previous_omega = result.control.omega
         return result
+
+    def _judged(self, observation: Observation, desired: Control) -> FilterResult:
+        sight = self._look(observation, self._epsilon())
+        found = None if sight is None else self._rows(observation, sight)
+        if sight is None or found is None:
+            return self._unjudged(observation)
+        wanted = self._wanted(observation, desired)
+        rows, constraints = found
+        if constraints == 0:
+            return self._unfiltered(wanted, sight)
+        return self._solve(rows, constraints, wanted, self._available(observation.robot), sight)
 
     @abstractmethod
     def _epsilon(self) -> float:
         """Return up to which V a car needs a row of the table."""
 
     @abstractmethod
-    def _rows(self, observation: Observation, sight: _Sight) -> tuple[SafetyRows, int]:
-        """Return the rows, and the number of cars that they are about."""
+    def _rows(self, observation: Observation, sight: _Sight) -> tuple[SafetyRows, int] | None:
+        """Return the rows, and the number of cars that they are about; None where they cannot be judged."""
 
     def _available(self, robot: np.ndarray) -> np.ndarray:
         """Return the controls within which the rows are to be met, (4,)."""
@@ -261,8 +267,8 @@ class RssFilter(_Intervening):
     def _epsilon(self) -> float:
         return -math.inf
 
-    def _rows(self, observation: Observation, sight: _Sight) -> tuple[SafetyRows, int]:
-        """Return the proper response's rows, and the number of dangerous cars."""
+    def _rows(self, observation: Observation, sight: _Sight) -> tuple[SafetyRows, int] | None:
+        """Return the proper response's rows, and the number of dangerous cars; None where a car's body cannot be."""
         self._make_room(observation.vehicle)
         cars, rows, dangerous = rss_rows(
             observation.robot,
@@ -277,6 +283,8 @@ class RssFilter(_Intervening):
             self._response,
             self._memory,
         )
+        if dangerous < 0:
+            return None
         if dangerous == 0:
             return _NO_ROWS, 0
         p, q, c = rows

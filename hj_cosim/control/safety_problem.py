@@ -28,6 +28,8 @@ FEASIBILITY_TOLERANCE = 1e-4
 ENUMERATION = "enumeration"
 # In MI the desired control is the solution, of cost 0, where it lies in the box and meets all rows.
 NOT_NEEDED = "none needed"
+# What a backend's name is followed by where its failures are counted.
+FAILED = " failed"
 
 # What makes each backend of qpsolvers accurate on this problem: P is singular in t, and the tie weight is small.
 _BACKEND_OPTIONS: dict[str, dict[str, float | int | bool]] = {
@@ -37,6 +39,9 @@ _BACKEND_OPTIONS: dict[str, dict[str, float | int | bool]] = {
     "clarabel": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11},
     "osqp": {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iter": 20_000, "polishing": True},
 }
+# Who answers where the chosen backend fails, in this order. Not quadprog: where twenty rows are nearly one and the same
+# it goes round in circles for ever, and nothing ends it.
+_FALLBACKS = ("daqp", "piqp", "clarabel", "osqp")
 _SPARSE_BACKENDS = ("osqp", "clarabel")
 # Only quadprog needs a positive definite P; on t, in units of λ_3.
 _QUADPROG_REGULARISATION = 1e-8
@@ -195,7 +200,7 @@ class SafetySolver:
                 f"filter.solver = {settings.solver!r} is not installed; install hj-cosim[solvers] or choose one of "
                 + ", ".join(name for name in _BACKEND_OPTIONS if name in available)
             )
-        others = [name for name in _BACKEND_OPTIONS if name in available and name != settings.solver]
+        others = [name for name in _FALLBACKS if name in available and name != settings.solver]
         self.backends: Sequence[str] = (settings.solver, *others)
         self.counts = counts
         self.weights = SafetyWeights.of(settings, robot)
@@ -240,7 +245,7 @@ class SafetySolver:
                 if good:
                     slack = needed if self.weights.slack_is_free else max(needed, 0.0)
                     return SafetySolution(omega, acceleration, slack, backend)
-            self.counts[f"{backend} failed"] += 1
+            self.counts[backend + FAILED] += 1
         omega, acceleration, slack = least_cost_control(
             rows.p,
             rows.q,

@@ -32,6 +32,9 @@ def tracking_control(
         approach = math.copysign(settings.heading_max, off_centre) if off_centre else 0.0
     omega = -settings.k_theta * (heading + approach)
     acceleration = settings.k_2 * (target.speed - speed)
+    if not (math.isfinite(omega) and math.isfinite(acceleration)):
+        # Within the limits it would look like any other; as it is, the filter brakes instead, and counts it.
+        return Control(omega, acceleration)
     return Control(
         omega=min(max(omega, -robot.omega_max), robot.omega_max),
         acceleration=min(max(acceleration, robot.acceleration_min), robot.acceleration_max),

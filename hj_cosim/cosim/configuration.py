@@ -5,7 +5,7 @@ from typing import Any
 
 import tomli_w
 
-from hj_cosim.config import PRESETS, DriverSettings, EpisodeConfig, overlay, parse_assignment, validate
+from hj_cosim.config import PRESETS, DriverSettings, EpisodeConfig, overlay, parse_assignment, shown, validate
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import scenarios_folder
 from hj_cosim.traffic.network import read_road
@@ -42,7 +42,7 @@ def resolve_config(
     config = validate(EpisodeConfig, data, str(scenario_path(scenario)))
     data = overlay(data, {"scenario": {"network": {"file": _network_file(config, scenario)}}})
     layers = [("the command line", flags or {})]
-    layers += [(f"--set {assignment}", parse_assignment(assignment)) for assignment in assignments]
+    layers += [(f"--set {shown(assignment)}", parse_assignment(assignment)) for assignment in assignments]
     for source, layer in layers:
         data = overlay(data, layer)
         config = validate(EpisodeConfig, data, source)

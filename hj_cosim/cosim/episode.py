@@ -14,19 +14,23 @@ from hj_cosim.analysis.record import RunRecord
 from hj_cosim.analysis.run_folder import FIGURES, read_run, require_free_folder, write_run
 from hj_cosim.analysis.summary import summarize
 from hj_cosim.config import EpisodeConfig
-from hj_cosim.control.safety_filter import SafetyFilter, make_filter
+from hj_cosim.control.safety_filter import DESIRED_NOT_FINITE, NOT_JUDGED, SafetyFilter, make_filter
+from hj_cosim.control.safety_problem import FAILED
 from hj_cosim.control.tracking import tracking_control
 from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
 from hj_cosim.cosim.promise_audit import PromiseAudit
 from hj_cosim.cosim.recorder import Recorder
+from hj_cosim.errors import SimulationError
+from hj_cosim.files import file_name
 from hj_cosim.locations import runs_folder
 from hj_cosim.planning.optimistic import make_planner
-from hj_cosim.planning.planner import Planner
+from hj_cosim.planning.planner import Plan, Planner
+from hj_cosim.planning.tree_search import IDLE
 from hj_cosim.reachability.value_table import ValueTable, load_table
 from hj_cosim.traffic.sumo_world import SumoWorld
 from hj_cosim.traffic.world import World
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
-from hj_cosim.vehicles.observation import Observation, Target
+from hj_cosim.vehicles.observation import FARTHEST, Observation, Target, is_possible
 
 Progress = Callable[[int, int], None]  # samples driven, samples in all
 
@@ -52,7 +56,8 @@ def drive(
     """Drive one episode in a world that has settled, and return what happened.
 
     At every step the robot observes, plans if it is time to, tracks the plan, filters the control, and moves as
-    the bicycle does; the world moves with it. Any world, planner and filter of the Protocols will do.
+    the bicycle does; the world moves with it. Any world, planner and filter of the Protocols will do. Where a car's
+    state is NaN or infinite, nothing is planned and the last plan is kept, while the filter brakes and counts.
 
     Args:
         world: at the instant that the robot takes over.
@@ -61,17 +66,22 @@ def drive(
         config: clocks, the robot and the tracking controller.
         audit: told of every step, if there is one; for filters that promise something about V.
         progress: called with the samples driven and the samples in all, once a plan.
+
+    Raises:
+        SimulationError: if the world fails, or puts the robot where no robot can be.
     """
     simulation, robot = config.simulation, config.robot
     samples = max(round(simulation.duration / simulation.step), 1)
     samples_per_plan = max(round(simulation.plan_period / simulation.step), 1)
     recorder = Recorder(samples, world.vehicle_names)
-    observation = world.observe()
+    observation = _observe(world)
     target = Target(lane=world.road.lane_at(observation.robot[1]), speed=float(observation.robot[3]))
+    plan = Plan(IDLE, target)
     for sample in range(samples):
         if sample % samples_per_plan == 0:
-            plan = planner.plan(observation, target)
-            target = plan.target
+            if is_possible(observation.robot, observation.x, observation.y, observation.heading, observation.speed):
+                plan = planner.plan(observation, target)
+                target = plan.target
             if progress is not None:
                 progress(sample, samples)
         desired = tracking_control(observation.robot, target, world.road, config.tracking, robot)
@@ -86,7 +96,7 @@ def drive(
                 observation.robot, steering, acceleration, robot.wheelbase, robot.speed_max, simulation.step
             )
             world.step(state, acceleration)
-            before, observation = observation, world.observe()
+            before, observation = observation, _observe(world)
             if audit is not None:
                 audit.judge(filtered, before, observation)
     if progress is not None:
@@ -94,16 +104,28 @@ def drive(
     return recorder.finish(world.road, robot)
 
 
+def _observe(world: World) -> Observation:
+    observation = world.observe()
+    if not np.abs(observation.robot).max() <= FARTHEST:
+        raise SimulationError(
+            f"the world has the robot at p_x, p_y, θ, v = {observation.robot.tolist()} at {observation.time:.2f} s;"
+            " no filter can judge that, so look for what moved it there"
+        )
+    return observation
+
+
 def _collided(observation: Observation, config: EpisodeConfig) -> bool:
-    return collides(
-        observation.robot,
-        config.robot.length,
-        config.robot.width,
-        observation.x,
-        observation.y,
-        observation.heading,
-        observation.length,
-        observation.width,
+    return bool(
+        collides(
+            observation.robot,
+            config.robot.length,
+            config.robot.width,
+            observation.x,
+            observation.y,
+            observation.heading,
+            observation.length,
+            observation.width,
+        )
     )
 
 
@@ -126,13 +148,23 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
         safety_filter = make_filter(config.filter, config.robot, table, config.simulation.step)
         audit = PromiseAudit(table.arrays, promises=config.filter.kind == "spc")
         record = drive(world, planner, safety_filter, config, audit, progress)
-    summary = summarize(record, config, time.perf_counter() - started) | audit.summary()
+    summary = summarize(record, config, time.perf_counter() - started)
+    summary |= audit.summary() | fallback_summary(safety_filter.counts)
     return Episode(config, record, summary, world.drivers)
+
+
+def fallback_summary(counts: Mapping[str, int]) -> dict[str, int]:
+    """Return what goes into summary.json of a filter's counts: how often something failed, and was answered safely."""
+    return {
+        "not_judged_samples": counts.get(NOT_JUDGED, 0),
+        "desired_not_finite_samples": counts.get(DESIRED_NOT_FINITE, 0),
+        "solver_failures": sum(count for what, count in counts.items() if what.endswith(FAILED)),
+    }
 
 
 def new_run_folder(config: EpisodeConfig) -> Path:
     """Return a folder that does not exist yet, in runs/, named for the scenario, the stack and the seed."""
-    parts = [config.scenario.name, config.planner.kind, config.filter.kind]
+    parts = [file_name(config.scenario.name), config.planner.kind, config.filter.kind]
     if config.filter.kind != "none":
         parts.append(config.filter.scheme)
     name = "-".join([*parts, str(config.seed)])

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hj_cosim.config import DriverSettings, PlannerSettings, RobotSettings
+from hj_cosim.errors import ConfigurationError
 from hj_cosim.planning.planner import IdlePlanner, Plan, Planner, PlanStatistics, PredictedTrajectory
 from hj_cosim.planning.prediction import (
     LANE,
@@ -37,6 +38,8 @@ from hj_cosim.vehicles.road import Road
 
 # Drivers notice the robot in a lane when its centre is this far beyond the lane's border, or nearer (SPEC section 4).
 NOTICE_MARGIN = 1.0  # m
+# Expansions times vehicles: a tree of some 4 GB.
+LARGEST_TREE = 40_000_000
 
 
 def mean_driver(drivers: DriverSettings) -> tuple[float, float, float, float, float, float]:
@@ -104,6 +107,11 @@ class OptimisticPlanner:
         self._make_room(1)
 
     def _make_room(self, vehicles: int) -> None:
+        if self._settings.expansions * vehicles > LARGEST_TREE:
+            raise ConfigurationError(
+                f"planner.expansions = {self._settings.expansions}: with {vehicles} vehicles within"
+                f" planner.sensing_range the tree is too large; {LARGEST_TREE // vehicles} expansions are the most"
+            )
         self._prediction = prediction_model(self._settings, self._drivers, self._road, vehicles)
         self._tree = empty_tree(self._settings.expansions, vehicles)
         self._scene = empty_scene(vehicles, self._prediction.steps, self._road.lane_count)
@@ -115,6 +123,9 @@ class OptimisticPlanner:
             observation: the robot and the cars around it now; those within the sensing range enter the tree.
             previous: the last target, of which the planned lane is kept, and the planned speed as far as it is
                 within the speed window around the robot's.
+
+        Raises:
+            ConfigurationError: if the budget is too large for so many cars (LARGEST_TREE).
         """
         cars, bodies = self._enter(observation)
         self._plant_root(self._tree, observation, cars, previous)

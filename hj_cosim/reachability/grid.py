@@ -36,7 +36,8 @@ class Grid:
     def spacing(self) -> np.ndarray:
         """(n,) distance between neighbouring nodes, in the state's units."""
         intervals = [n if b == "periodic" else n - 1 for n, b in zip(self.shape, self.boundary, strict=True)]
-        return (np.array(self.upper) - np.array(self.lower)) / np.array(intervals)
+        extent: np.ndarray = np.array(self.upper) - np.array(self.lower)
+        return np.asarray(extent / np.array(intervals))
 
     @property
     def axes(self) -> tuple[np.ndarray, ...]:

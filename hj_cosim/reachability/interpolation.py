@@ -36,7 +36,7 @@ def interpolate(
             nodes = shape[axis]
             place = (states[row, axis] - lower[axis]) * inverse_spacing[axis]
             if periodic[axis]:
-                place -= np.floor(place / nodes) * nodes
+                place %= nodes  # exact, so that also a state many turns away has its cell in the table
                 cell = min(int(place), nodes - 1)
             else:
                 if safe_outside[axis] and not (0.0 <= place <= nodes - 1):

@@ -2,13 +2,13 @@
 
 import hashlib
 import json
-import zipfile
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from hj_cosim import locations
 from hj_cosim.config import TableSpecification, read_toml, validate
@@ -20,6 +20,7 @@ from hj_cosim.reachability.interpolation import interpolate
 from hj_cosim.reachability.lookup import TableArrays, deficits, values_and_gradients
 from hj_cosim.reachability.solver import Progress, SolveReport, solve, state_limits
 from hj_cosim.reachability.systems import highway
+from hj_cosim.reachability.table_file import TableFile, open_table_file
 from hj_cosim.reachability.target_formula import TargetFormula
 
 # Part of every specification's hash: raised when the solver changes what it computes, so that tables are re-solved.
@@ -90,8 +91,19 @@ class ValueTable:
         """Return V (N,) and ∂V/∂x (N, n) at `states` (N, n), outside the grid as the dynamics say.
 
         A table of the highway game is looked up as planning and filtering do; of other games V is interpolated itself.
+        Of a state that is not finite nothing is known: NaN.
         """
         rows = np.atleast_2d(np.asarray(states, np.float64))
+        unknown = np.flatnonzero(~np.isfinite(rows).all(axis=1))
+        if len(unknown) == 0:
+            return self._look_up(rows)
+        known = rows.copy()
+        known[unknown] = self.grid.lower
+        values, gradients = self._look_up(known)
+        values[unknown], gradients[unknown] = np.nan, np.nan
+        return values, gradients
+
+    def _look_up(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if self._is_highway:
             return values_and_gradients(self.arrays, rows)
         grid = self.grid
@@ -143,7 +155,7 @@ class ValueTable:
         grid = self.grid
         wraps = np.array([boundary == "periodic" for boundary in grid.boundary])
         inside = (rows >= np.array(grid.lower)) & (rows <= np.array(grid.upper))
-        return (inside | wraps).all(axis=1)
+        return np.asarray((inside | wraps).all(axis=1))
 
     def draw_states(self, count: int, generator: np.random.Generator) -> np.ndarray:
         """Return random states, (count, n), spread evenly over the grid."""
@@ -181,30 +193,61 @@ class ValueTable:
             np.savez(temporary, **content)
 
     @staticmethod
-    def load(path: Path) -> "ValueTable":
-        """Return the table in a file.
+    def load(path: Path, specification: TableSpecification | None = None) -> "ValueTable":
+        """Return the table in a file, which anybody may have made.
+
+        Args:
+            path: the .npz.
+            specification: what it must have been solved from, the place of its dynamics included. Without one, a
+                table whose game is a Python file is refused: loading a table runs nothing that the table names.
 
         Raises:
-            TableError: if it is missing, truncated, altered, or was solved by another version of the dynamics.
+            TableError: if it is missing, truncated, altered, not finite, or was solved by another version of the
+                dynamics.
         """
         if not path.is_file():
             raise TableError(f"there is no table {path}; solve it with `hj-cosim table solve`")
-        try:
-            with np.load(path, allow_pickle=False) as content:
-                arrays = {name: content[name] for name in content.files if name not in ("spec", "report")}
-                specification_json, report = str(content["spec"]), json.loads(str(content["report"]))
-            if report["checksum"] != _checksum(arrays, specification_json):
-                raise TableError(f"{path} was altered after it was solved; delete it and solve it again")
-            specification = TableSpecification.model_validate_json(specification_json)
-            report_fields = {field.name: report[field.name] for field in fields(SolveReport)}
-            values = arrays["values"]
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise TableError(f"{path} is not a whole value table ({error}); delete it and solve it again") from error
-        dynamics = find_dynamics(specification.dynamics)
-        if report["specification_hash"] != specification_hash(specification, dynamics):
+        with open_table_file(path) as file:
+            specification_json = file.text("spec")
+            found = TableSpecification.model_validate_json(specification_json)
+            report = _report_of(file)
+            if found.dynamics.endswith(".py") and found.dynamics != (specification and specification.dynamics):
+                raise TableError(
+                    f"{path} names the Python file {found.dynamics} as its game, which is not run because a table says"
+                    " so; load it by its specification"
+                )
+            dynamics = find_dynamics(found.dynamics)
+            grid = Grid.from_settings(found.grid, dynamics.boundary)
+            shapes = {f"axis{number}": (nodes,) for number, nodes in enumerate(grid.shape)}
+            if set(file.names) != {"values", "spec", "report", *shapes} or grid.dimension != dynamics.dimension:
+                raise ValueError(f"it holds {', '.join(sorted(file.names))}, which is no table of {dynamics.name}")
+            arrays = {name: file.array(name, shape, np.float64) for name, shape in shapes.items()}
+            if not all(np.allclose(arrays[f"axis{i}"], axis, rtol=1e-12) for i, axis in enumerate(grid.axes)):
+                raise ValueError("its axes are not those of its specification")
+            arrays["values"] = file.array("values", grid.shape, np.float32)
+        if report.checksum != _checksum(arrays, specification_json):
+            raise TableError(f"{path} was altered after it was solved; delete it and solve it again")
+        if report.specification_hash != specification_hash(found, dynamics):
             raise TableError(f"{path} was solved by another version of {dynamics.name}; solve it again")
-        report_fields["shape"] = tuple(report_fields["shape"])
-        return ValueTable(specification, dynamics, values, SolveReport(**report_fields))
+        report_fields = {field.name: getattr(report, field.name) for field in fields(SolveReport)}
+        return ValueTable(found, dynamics, arrays["values"], SolveReport(**report_fields))
+
+
+@dataclass(frozen=True)
+class _KeptReport(SolveReport):
+    """The report as a table's file has it."""
+
+    specification_hash: str
+    checksum: str
+
+
+def _report_of(file: TableFile) -> _KeptReport:
+    """Return a file's report.
+
+    Raises:
+        ValueError: if it is no JSON, or says something else than a report.
+    """
+    return TypeAdapter(_KeptReport).validate_json(file.text("report"))
 
 
 def _five(numbers: np.ndarray) -> tuple[float, float, float, float, float]:
@@ -305,7 +348,7 @@ def load_table(name_or_path: str, progress: Progress | None = None) -> ValueTabl
     specification = read_specification(path)
     kept = table_path(path)
     if kept.is_file() and _kept_hash(kept) == specification_hash(specification, find_dynamics(specification.dynamics)):
-        return ValueTable.load(kept)
+        return ValueTable.load(kept, specification)
     table = solve_table(specification, progress)
     table.save(kept)
     return table
@@ -313,8 +356,5 @@ def load_table(name_or_path: str, progress: Progress | None = None) -> ValueTabl
 
 def _kept_hash(path: Path) -> str:
     """Return the specification hash in a table's file without reading its values."""
-    try:
-        with np.load(path, allow_pickle=False) as content:
-            return str(json.loads(str(content["report"]))["specification_hash"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise TableError(f"{path} is not a whole value table ({error}); delete it and solve it again") from error
+    with open_table_file(path) as file:
+        return _report_of(file).specification_hash

@@ -1,7 +1,6 @@
 """What a study consists of: which stacks in which scenarios with which varied knobs, all on the same seeds."""
 
 import itertools
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +8,7 @@ from typing import Any
 from hj_cosim.config import EpisodeConfig, overlay, parse_assignment
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.errors import ConfigurationError
+from hj_cosim.files import file_name
 from hj_cosim.study.stacks import PAPER_STACKS, Stack
 
 # What a row of the table says of itself; varying it would make the row say something else than what was driven.
@@ -83,7 +83,7 @@ class StudyDesign:
         """Return where a cell's runs lie below `episodes/`: its stack, below its scenario and setting if they vary."""
         parts = [cell.scenario] if len({other.scenario for other in self.cells}) > 1 else []
         parts += [",".join(f"{key}={value}" for key, value in cell.setting)] if cell.setting else []
-        return "/".join(re.sub(r"[^\w.,=+-]", "_", part) for part in [*parts, cell.stack.name])
+        return "/".join(file_name(part) for part in [*parts, cell.stack.name])
 
 
 def design_study(

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from hj_cosim.analysis.figures.density_sweep import density_sweep
-from hj_cosim.analysis.figures.gallery import read_study_table, scenario_densities
+from hj_cosim.analysis.figures.gallery import draw_figure, read_study_table
 from hj_cosim.analysis.figures.style import save_drawing
 from hj_cosim.analysis.figures.trade_off import trade_off
-from hj_cosim.study.folder import TABLE, WINDOWS
+from hj_cosim.files import file_name
+from hj_cosim.study.folder import WINDOWS
 from hj_cosim.study.tables import STACK_COLUMNS
 
 
@@ -18,7 +18,7 @@ def draw_figures(study: Path, figures: Path) -> None:
         figures: where to; made if it is not there.
     """
     figures.mkdir(exist_ok=True)
-    windows = read_study_table(study / WINDOWS)
+    windows = read_study_table(study / WINDOWS, ())
     if windows.empty:
         return
     factors = list(windows.columns[: windows.columns.get_loc(STACK_COLUMNS[0])])
@@ -30,10 +30,8 @@ def draw_figures(study: Path, figures: Path) -> None:
         name = "-".join(["trade-off", *(_part(key, value) for key, value in zip(varying, values, strict=True))])
         save_drawing(trade_off(own), figures / f"{name}.png")
     if varying == ["scenario"]:
-        save_drawing(
-            density_sweep(read_study_table(study / TABLE), scenario_densities(study)), figures / "density-sweep.png"
-        )
+        save_drawing(draw_figure("density-sweep", study=study), figures / "density-sweep.png")
 
 
 def _part(key: str, value: object) -> str:
-    return str(value) if key == "scenario" else f"{key}={value}".replace("/", "_")
+    return file_name(str(value) if key == "scenario" else f"{key}={value}")

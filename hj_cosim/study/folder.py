@@ -86,6 +86,10 @@ class StudyFolder:
             RunFolderError: if a version is another than study.toml has.
         """
         earlier = read_toml(self.path / STUDY).get("program", {}) if (self.path / STUDY).is_file() else {}
+        if not isinstance(earlier, dict):
+            raise RunFolderError(
+                f"{self.path / STUDY}: program = {earlier!r} is no table of versions; choose another --out"
+            )
         for name in sorted(earlier.keys() & program.keys()):
             if earlier[name] != program[name]:
                 raise RunFolderError(

@@ -22,7 +22,10 @@ PERCENTILES: Mapping[str, tuple[str, float, bool]] = {
 }
 SAMPLE_COLUMNS = tuple(dict.fromkeys(column for column, _, _ in PERCENTILES.values()))
 
-_TOTALS = ("collisions", "hard_brakes_imposed", "promise_samples")
+_TOTALS = (
+    *("collisions", "hard_brakes_imposed", "promise_samples"),
+    *("not_judged_samples", "desired_not_finite_samples", "solver_failures"),
+)
 _MINIMA = ("min_gap", "min_gap_ahead", "headway_min")
 _MAXIMA = ("drac_max", "max_abs_jerk", "max_abs_lateral_acceleration")
 _PER_EPISODE = ("distance", "lane_changes", "time_value_le_0", "headway_p10", "drac_p90")

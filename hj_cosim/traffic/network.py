@@ -17,6 +17,8 @@ LENGTH_TOLERANCE = 0.1
 DEFAULT_LANE_WIDTH = 3.2  # m, SUMO's, for lanes that state none
 NARROWEST_LANE = 2.5  # m
 CAR_CLASS = "passenger"
+LARGEST_NETWORK = 100_000_000  # bytes, a large city's
+DEEPEST_NETWORK = 50  # elements within each other; SUMO writes four
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,8 @@ class _Lane:
 def read_road(path: Path, edge: str) -> Road:
     """Return the road that `edge` of the SUMO network at `path` is.
 
-    The file is read as a stream, and refused before anything in it is expanded if it has a DOCTYPE.
+    The file is read as a stream, and refused before anything in it is expanded if it has a DOCTYPE, includes other
+    files (SUMO would read them), or is larger or deeper than LARGEST_NETWORK, DEEPEST_NETWORK.
 
     Raises:
         NetworkError: if the file is missing or malformed, or the edge is not a straight one of two or more
@@ -55,8 +58,15 @@ def _read_lanes(path: Path, edge: str) -> tuple[list[_Lane], set[str]]:
     roots: list[tuple[str, bool]] = []  # the outermost element, and whether it states a version
     inside = False
 
+    depth = 0
+
     def start(name: str, attributes: dict[str, str]) -> None:
-        nonlocal inside
+        nonlocal inside, depth
+        depth += 1
+        if depth > DEEPEST_NETWORK:
+            raise NetworkError(f"{path} has more than {DEEPEST_NETWORK} elements within each other; no network does")
+        if name == "include":
+            raise NetworkError(f"{path} includes another file; write what it has into the network itself")
         if not roots:
             roots.append((name, "version" in attributes))
         if name == "edge" and attributes.get("function") != "internal":
@@ -67,13 +77,20 @@ def _read_lanes(path: Path, edge: str) -> tuple[list[_Lane], set[str]]:
         elif name == "lane" and inside:
             lanes[int(attributes["index"])] = _lane_of(attributes)
 
+    def end(_: str) -> None:
+        nonlocal depth
+        depth -= 1
+
     def refuse_doctype(*_: object) -> None:
         raise NetworkError(f"{path} has a DOCTYPE, which SUMO networks do not have; remove it")
 
     parser = expat.ParserCreate()
     parser.StartElementHandler = start
+    parser.EndElementHandler = end
     parser.StartDoctypeDeclHandler = refuse_doctype
     try:
+        if path.stat().st_size > LARGEST_NETWORK:
+            raise NetworkError(f"{path} is too large; {LARGEST_NETWORK // 10**6} MB of network is the most")
         with path.open("rb") as file:
             parser.ParseFile(file)
     except OSError as error:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from hj_cosim.config import NetworkSettings, Scenario, read_toml, validate
+from hj_cosim.config import NetworkSettings, Scenario, read_toml, shown, validate
 from hj_cosim.errors import NetworkError
 from hj_cosim.locations import find_toml, names_in, scenarios_folder
 
@@ -44,11 +44,20 @@ def network_path(network: NetworkSettings, scenario_folder: Path | None = None) 
     """
     folders = [scenario_folder] if scenario_folder is not None else []
     for folder in [*folders, scenarios_folder()]:
-        path = (folder / Path(network.file).expanduser()).resolve()
-        if path.is_file():
+        path = _existing_file(folder, network.file)
+        if path is not None:
             return path
     looked = " or ".join(str(folder) for folder in [*folders, scenarios_folder()])
-    raise NetworkError(f"the network {network.file!r} is not in {looked}; set network.file to a .net.xml that exists")
+    name = shown(repr(network.file))
+    raise NetworkError(f"the network {name} is not in {looked}; set network.file to a .net.xml that exists")
+
+
+def _existing_file(folder: Path, name: str) -> Path | None:
+    try:
+        path = (folder / Path(name).expanduser()).resolve()
+        return path if path.is_file() else None
+    except (OSError, ValueError, RuntimeError):  # a name too long, with NUL in it, of a user whom nobody knows
+        return None
 
 
 def scenario_names() -> list[str]:

@@ -123,7 +123,7 @@ class SumoWorld:
         try:
             self._start(network, initial, seed)
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
-            reason = self._first_error() or str(error)
+            reason = self._first_error() or " ".join(str(error).split())
             self.close()
             raise SimulationError(f"SUMO cannot run scenario {scenario.name} on {network}: {reason}") from error
         inserted = libsumo.vehicle.getIDCount() - 1

@@ -5,13 +5,20 @@ import math
 import numpy as np
 from numba import njit
 
+# Below this speed (m/s) the steering is that of this speed. With the paper's arctan(ω L / v) a car that hardly moves
+# would turn its wheels across, and spin many times faster than ω as soon as it drives off.
+SLOWEST_FULL_TURN = 0.5
+
 
 @njit(cache=True)
 def steering_for(omega: float, speed: float, wheelbase: float) -> float:
-    """Return δ = arctan(ω L / v), rad, the steering that turns at `omega`; 0 for a car that stands."""
+    """Return δ = arctan(ω L / v), rad, the steering that turns at `omega`; less for a car that hardly moves.
+
+    A car that stands steers straight.
+    """
     if speed <= 0.0:
         return 0.0
-    return math.atan(omega * wheelbase / speed)
+    return math.atan(omega * wheelbase / max(speed, SLOWEST_FULL_TURN))
 
 
 @njit(cache=True)
@@ -34,7 +41,8 @@ def bicycle_step(
     Returns:
         (4,) the next state.
     """
-    x, y, heading, speed = state[0], state[1], state[2], state[3]
+    x, y, heading = state[0], state[1], state[2]
+    speed = min(max(state[3], 0.0), speed_max)
     next_speed = min(max(speed + acceleration * step, 0.0), speed_max)
     if acceleration != 0.0 and next_speed != speed + acceleration * step:
         until_limit = (next_speed - speed) / acceleration

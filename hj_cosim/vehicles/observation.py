@@ -3,6 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
+
+# m, rad and m/s: no road reaches farther, and nothing is faster. What is beyond is as broken as NaN.
+FARTHEST = 1e7
 
 
 @dataclass(frozen=True)
@@ -41,3 +45,20 @@ class Control:
 
     omega: float  # rad/s, yaw rate ω_r
     acceleration: float  # m/s², a_r
+
+
+@njit(cache=True)
+def is_possible(robot: np.ndarray, x: np.ndarray, y: np.ndarray, heading: np.ndarray, speed: np.ndarray) -> bool:
+    """Return whether an observation's robot (4,) and other cars' states (J,) are all within ± FARTHEST, none NaN."""
+    for i in range(4):
+        if not abs(robot[i]) <= FARTHEST:
+            return False
+    for j in range(len(x)):
+        if not (
+            abs(x[j]) <= FARTHEST
+            and abs(y[j]) <= FARTHEST
+            and abs(heading[j]) <= FARTHEST
+            and abs(speed[j]) <= FARTHEST
+        ):
+            return False
+    return True

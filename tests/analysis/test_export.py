@@ -12,7 +12,7 @@ from hj_cosim.errors import OutputError, RunFolderError
 from hj_cosim.vehicles.road import Road
 
 FCD_NUMBERS = ("x", "y", "angle", "speed", "pos", "acceleration")
-CONFIG = '[scenario.network]\nedge = "high & way"\n'
+CONFIG = '[scenario]\nname = "synthetic"\n[scenario.network]\nedge = "high & way"\n'
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def trajectories(folder) -> pd.DataFrame:
 
 def test_csv_reads_back_with_every_car_step_and_value(run):
     types = {"lane": "int8", "length": float, "width": float}
-    written = pd.read_csv(export_run(run, "csv"), dtype=types)
+    written = pd.read_csv(export_run(run, "csv"), dtype=types, float_precision="round_trip")
     pd.testing.assert_frame_equal(written, trajectories(run), rtol=1e-15, atol=0.0)
 
 

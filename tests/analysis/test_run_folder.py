@@ -47,7 +47,9 @@ ROBOT_COLUMNS = [
     "min_gap",
     "collision",
 ]
-SUMMARY = {"planner": "hjop", "ttc_p10": float("inf"), "collisions": 0}
+CONFIG = '[scenario]\nname = "synthetic"\n'
+STACK = {"planner": "hjop", "filter": "spc", "scheme": "mi"}
+SUMMARY = {**STACK, "scenario": "synthetic", "seed": 3, "ttc_p10": float("inf"), "collisions": 0}
 
 
 def assert_same(left, right) -> None:
@@ -74,18 +76,18 @@ def only_present(record):
 def test_a_run_reads_back_as_it_was_written(tmp_path, make_record):
     record = only_present(make_record(road=Road(lane_count=4, lane_width=3.5, origin_x=12.5, heading=0.3)))
 
-    write_run(tmp_path / "run", record, "seed = 3\n", SUMMARY)
+    write_run(tmp_path / "run", record, 'seed = 3\n[scenario]\nname = "mine"\n', SUMMARY)
     run = read_run(tmp_path / "run")
 
     assert_same(run.record, record)
-    assert run.config == {"seed": 3}
-    assert run.summary == {"planner": "hjop", "ttc_p10": None, "collisions": 0}
+    assert (run.config["seed"], run.config["scenario"]["name"]) == (3, "mine")
+    assert run.summary == {**SUMMARY, "ttc_p10": None}
 
 
 def test_many_row_groups_hold_the_same_rows_as_one(tmp_path, record, monkeypatch):
-    write_run(tmp_path / "one", record, "", SUMMARY)
+    write_run(tmp_path / "one", record, CONFIG, SUMMARY)
     monkeypatch.setattr(run_folder, "ROWS_PER_GROUP", 100)
-    write_run(tmp_path / "many", record, "", SUMMARY)
+    write_run(tmp_path / "many", record, CONFIG, SUMMARY)
 
     one, many = (pd.read_parquet(tmp_path / name / "trajectories.parquet") for name in ("one", "many"))
     pd.testing.assert_frame_equal(one, many)
@@ -154,7 +156,7 @@ def test_what_is_no_run_is_refused_in_one_sentence(tmp_path, record):
         read_run(tmp_path / "nowhere")
     with pytest.raises(RunFolderError, match=r"config\.toml is missing"):
         read_run(tmp_path)
-    write_run(tmp_path / "run", record, "", SUMMARY)
+    write_run(tmp_path / "run", record, CONFIG, SUMMARY)
     for name in ("robot.parquet", "trajectories.parquet", "summary.json"):
         path = tmp_path / "run" / name
         whole = path.read_bytes()

@@ -4,7 +4,9 @@ A linear V is no solution of the highway game: its game has the same state and a
 """
 
 import dataclasses
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +16,8 @@ from hj_cosim.config import GridSettings, TableSpecification
 from hj_cosim.reachability.dynamics import Dynamics, find_dynamics
 from hj_cosim.reachability.value_table import ValueTable
 from hj_cosim.vehicles.observation import Observation
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))  # extreme_scenes
 
 # Property tests take the same examples every time, however long one takes on a busy machine.
 settings.register_profile("repeatable", deadline=None, derandomize=True)

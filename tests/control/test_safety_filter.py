@@ -3,6 +3,7 @@ import math
 
 import numpy as np
 import pytest
+from extreme_scenes import draw_desired, draw_scene
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -106,7 +107,7 @@ def test_spc_keeps_the_heading_within_the_table(table, observe):
     assert result.control.omega <= 1e-9
 
 
-NOT_FINITE = [math.nan, math.inf, -math.inf]
+NOT_FINITE = [math.nan, math.inf, -math.inf, 1e300]
 
 
 @pytest.mark.parametrize("kind", ["spc", "rss", "none"])
@@ -124,7 +125,7 @@ def test_an_observation_that_is_not_finite_brakes_straight_ahead_and_is_counted(
 
 
 @pytest.mark.parametrize("kind", ["spc", "rss", "none"])
-@pytest.mark.parametrize("bad", NOT_FINITE)
+@pytest.mark.parametrize("bad", NOT_FINITE[:3])
 def test_a_desired_control_that_is_not_finite_is_replaced_by_braking_and_counted(table, observe, kind, bad):
     seen = observe([0.0, 4.0, 0.0, 24.0], [[30.0, 4.0, 0.0, 20.0]])
     for desired in (Control(bad, 0.0), Control(0.0, bad)):
@@ -133,6 +134,16 @@ def test_a_desired_control_that_is_not_finite_is_replaced_by_braking_and_counted
         assert math.isfinite(control.omega)
         assert -6.0 <= control.acceleration <= -3.9  # RSS may leave it at b_min
         assert safety_filter.counts == {"desired not finite": 1}
+
+
+@pytest.mark.parametrize("bad", [*NOT_FINITE, -1.0])
+@pytest.mark.parametrize("where", ["length", "width"])
+def test_rss_brakes_and_counts_where_a_body_is_not_possible(table, observe, bad, where):
+    seen = observe([0.0, 4.0, 0.1, 24.0], [[3.0, 8.0, 0.0, 20.0]])
+    safety_filter = filter_of(table, kind="rss")
+    result = safety_filter.filter(dataclasses.replace(seen, **{where: np.array([bad])}), CRUISE)
+    assert result.control == Control(-0.2, ROBOT.acceleration_min)
+    assert safety_filter.counts == {"could not judge": 1}
 
 
 def test_a_table_with_nan_brakes_and_is_counted(table, observe):
@@ -154,3 +165,31 @@ def test_every_control_is_finite_and_within_the_limits(table, observe, robot, ca
     control = filter_of(table, kind=kind, scheme=scheme).filter(observe(robot, cars), Control(*desired)).control
     assert abs(control.omega) <= ROBOT.omega_max
     assert ROBOT.acceleration_min <= control.acceleration <= ROBOT.acceleration_max
+
+
+@pytest.mark.parametrize("kind", ["spc", "rss", "none"])
+@pytest.mark.parametrize("scheme", ["mi", "sw"])
+def test_extreme_scenes_are_answered_within_the_limits(table, kind, scheme):
+    """tests/benchmarks/test_fuzz.py draws a million."""
+    draw = np.random.default_rng(0)
+    safety_filter = filter_of(table, kind=kind, scheme=scheme)
+    for _ in range(500):
+        result = safety_filter.filter(draw_scene(draw), draw_desired(draw))
+        assert abs(result.control.omega) <= ROBOT.omega_max
+        assert ROBOT.acceleration_min <= result.control.acceleration <= ROBOT.acceleration_max
+        assert math.isfinite(result.slack + result.least_slack)
+    assert safety_filter.counts["could not judge"] > 50
+    assert safety_filter.counts["desired not finite"] > 10
+
+
+@pytest.mark.parametrize("kind", ["spc", "rss"])
+def test_hundreds_of_cars_on_top_of_the_robot_are_answered(table, observe, kind):
+    draw = np.random.default_rng(1)
+    cars = np.column_stack(
+        [draw.uniform(-2, 2, 500), draw.uniform(3, 5, 500), draw.uniform(-0.2, 0.2, 500), draw.uniform(0, 40, 500)]
+    )
+    for scheme in ("mi", "sw"):
+        result = filter_of(table, kind=kind, scheme=scheme).filter(observe([0.0, 4.0, 0.1, 24.0], cars), CRUISE)
+        assert result.constraints == 500
+        margins = result.rows.margins(result.control.omega, result.control.acceleration)
+        assert margins.min() == pytest.approx(-result.slack, abs=1e-3)

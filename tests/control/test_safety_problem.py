@@ -10,6 +10,7 @@ import pytest
 import qpsolvers
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import linprog
 
 from hj_cosim.config import FilterSettings, RobotSettings
 from hj_cosim.control.safety_problem import (
@@ -128,14 +129,20 @@ def test_a_backend_that_fails_is_answered_by_the_next_and_counted(monkeypatch):
         if solver == "daqp":
             raise qpsolvers.exceptions.SolverError("out of order")
         solution = whole(problem, solver, **options)
-        if solver == "quadprog":
+        if solver == "piqp":
             solution.x = solution.x + 1.0  # an answer outside the box is a failure, too
         return solution
 
     monkeypatch.setattr(qpsolvers, "solve_problem", failing)
     solution = check_against(case, solver, 1e-4)
-    assert solution.backend == "piqp"
-    assert solver.counts == {"daqp failed": 1, "quadprog failed": 1}
+    assert solution.backend == "clarabel"
+    assert solver.counts == {"daqp failed": 1, "piqp failed": 1}
+
+
+def test_nobody_falls_back_on_quadprog_which_may_never_end():
+    for chosen in ("daqp", "osqp"):
+        assert "quadprog" not in SafetySolver(FilterSettings(solver=chosen), ROBOT, Counter()).backends
+    assert SafetySolver(FilterSettings(solver="quadprog"), ROBOT, Counter()).backends[0] == "quadprog"
 
 
 def test_enumeration_answers_when_all_backends_fail(monkeypatch):
@@ -158,6 +165,36 @@ def test_least_slack_is_zero_where_rows_can_be_met_and_else_the_least_violation(
     assert least_slack(rows_of([1.0, -1.0], [0.0, 0.0], [-0.2, -0.2]), BOX) == pytest.approx(0.2, abs=1e-9)
     # a >= 10 is missed by 6 at a = 4.
     assert least_slack(rows_of([0.0], [1.0], [-10.0]), BOX) == pytest.approx(6.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("count", [5, 40, 500])
+def test_least_slack_of_many_rows_is_the_linear_program_s(count):
+    draw = np.random.default_rng(count)
+    for _ in range(5):
+        rows = rows_of(draw.uniform(-300, 300, count), draw.uniform(-8, 8, count), draw.uniform(-40, 80, count))
+        program = linprog(
+            [0.0, 0.0, 1.0],
+            A_ub=-np.column_stack([rows.p, rows.q, np.ones(count)]),
+            b_ub=rows.c,
+            bounds=[(-0.3, 0.3), (-6.0, 4.0), (0.0, None)],
+        )
+        assert least_slack(rows, BOX) == pytest.approx(program.fun, abs=1e-6)
+
+
+@pytest.mark.parametrize("scheme", ["mi", "sw"])
+def test_enumeration_of_many_rows_costs_what_daqp_s_solution_costs(scheme):
+    draw = np.random.default_rng(2)
+    for count in (5, 40, 500):
+        rows = rows_of(draw.uniform(-300, 300, count), draw.uniform(-8, 8, count), draw.uniform(-40, 80, count))
+        solver = SafetySolver(FilterSettings(scheme=scheme), ROBOT, Counter())
+        by_daqp = solver.solve(rows, 0.1, 1.0, BOX)
+        assert by_daqp.backend == "daqp"
+        solver.backends = ()
+        exact = solver.solve(rows, 0.1, 1.0, BOX)
+        cost = solver.objective(rows, (0.1, 1.0), (exact.omega, exact.acceleration))
+        daqp_cost = solver.objective(rows, (0.1, 1.0), (by_daqp.omega, by_daqp.acceleration))
+        assert cost == pytest.approx(daqp_cost, rel=1e-6)
+        assert exact.slack == pytest.approx(by_daqp.slack, abs=1e-5)
 
 
 def test_controls_that_would_leave_the_table_are_not_available_and_those_that_lead_back_are():

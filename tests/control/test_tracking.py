@@ -61,3 +61,9 @@ def test_a_lane_change_ends_in_the_lane_without_leaving_the_value_table_s_headin
     assert laterals[-1] == pytest.approx(8.0, abs=0.01)
     assert state[2] == pytest.approx(0.0, abs=1e-3)
     assert max(laterals) < 8.0 + 1.0  # stays within its lane: half a lane less half a car
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_stays_so_for_the_filter_to_count(bad):
+    assert not math.isfinite(control([0.0, 4.0, 0.0, 24.0], speed=bad).acceleration)
+    assert not math.isfinite(control([0.0, 4.0, bad, 24.0]).omega)

@@ -1,6 +1,8 @@
 """One episode, in SUMO and in a world without it."""
 
+import dataclasses
 import json
+import math
 
 import numpy as np
 import pandas as pd
@@ -10,10 +12,12 @@ from hj_cosim import run_episode
 from hj_cosim.config import CarStart, RobotSettings
 from hj_cosim.control.safety_filter import make_filter
 from hj_cosim.cosim.configuration import resolve_config
-from hj_cosim.cosim.episode import drive
-from hj_cosim.errors import HjCosimError, RunFolderError
+from hj_cosim.cosim.episode import drive, fallback_summary
+from hj_cosim.errors import HjCosimError, RunFolderError, SimulationError
 from hj_cosim.planning.optimistic import make_planner
+from hj_cosim.planning.planner import Plan
 from hj_cosim.traffic.fake_world import FakeWorld
+from hj_cosim.vehicles.observation import Target
 
 
 def drive_in_fake_world(cars, table, *settings):
@@ -134,3 +138,62 @@ def test_progress_reaches_the_end(small_table):
 def test_wrong_setting_is_named(settings, said):
     with pytest.raises(HjCosimError, match=said):
         run_episode("paper", settings=settings)
+
+
+class BrokenWorld(FakeWorld):
+    """A world that puts a car, or the robot, at NaN from one second on."""
+
+    def __init__(self, cars, broken):
+        super().__init__(cars)
+        self._broken = broken
+
+    def observe(self):
+        seen = super().observe()
+        if seen.time < 1.0:
+            return seen
+        array = getattr(seen, self._broken).copy()
+        array[0] = math.nan
+        return dataclasses.replace(seen, **{self._broken: array})
+
+
+@pytest.mark.parametrize("kind", ["spc", "rss", "none"])
+@pytest.mark.parametrize("broken", ["x", "y", "heading", "speed"])
+def test_robot_brakes_in_its_lane_while_a_car_is_nowhere_and_the_summary_tells(small_table, kind, broken):
+    config = resolve_config("paper", assignments=["simulation.duration=2", f"filter.kind={kind}", "planner.kind=idle"])
+    world = BrokenWorld([CarStart(lane=2, x=60.0, speed=20.0)], broken)
+    planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, small_table)
+    safety_filter = make_filter(config.filter, config.robot, small_table, 0.02)
+    robot = drive(world, planner, safety_filter, config).robot
+    assert (robot.acceleration[50:] == config.robot.acceleration_min).all()
+    assert np.abs(robot.omega).max() <= config.robot.omega_max
+    assert np.abs(robot.y - 4.0).max() < 0.1
+    assert fallback_summary(safety_filter.counts)["not_judged_samples"] == 50
+
+
+def test_robot_that_a_world_puts_nowhere_ends_the_episode(small_table):
+    config = resolve_config("paper", assignments=["simulation.duration=2"])
+    world = BrokenWorld([], "robot")
+    planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, small_table)
+    safety_filter = make_filter(config.filter, config.robot, small_table, 0.02)
+    with pytest.raises(SimulationError, match=r"the world has the robot at p_x, p_y, θ, v = \[nan, .* at 1\.00 s"):
+        drive(world, planner, safety_filter, config)
+
+
+@pytest.mark.parametrize("speed", [math.nan, math.inf])
+def test_plan_that_is_not_finite_ends_in_braking_and_the_summary_tells(small_table, speed):
+    class Confused:
+        def plan(self, observation, previous):
+            return Plan(action=0, target=Target(lane=1, speed=speed))
+
+    config = resolve_config("paper", assignments=["simulation.duration=1"])
+    safety_filter = make_filter(config.filter, config.robot, small_table, 0.02)
+    robot = drive(FakeWorld(), Confused(), safety_filter, config).robot
+    assert (robot.acceleration == config.robot.acceleration_min).all()
+    assert fallback_summary(safety_filter.counts)["desired_not_finite_samples"] == 50
+
+
+def test_summary_says_that_nothing_had_to_be_answered_by_braking(sumo_run):
+    _, folder = sumo_run
+    summary = json.loads((folder / "summary.json").read_text())
+    assert (summary["not_judged_samples"], summary["desired_not_finite_samples"]) == (0, 0)
+    assert summary["solver_failures"] == 0

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from test_systems import USER_DYNAMICS
 
-from hj_cosim.config import TableSpecification
+from hj_cosim.config import GridSettings, TableSpecification
 from hj_cosim.errors import ConfigurationError, TableError
 from hj_cosim.reachability import value_table
+from hj_cosim.reachability.dynamics import find_dynamics
 from hj_cosim.reachability.lookup import values_and_gradients
 from hj_cosim.reachability.value_table import ValueTable, load_table, read_specification, solve_table
 
@@ -227,3 +228,40 @@ def test_every_specification_that_comes_with_the_package_is_valid() -> None:
     folder = value_table.locations.specifications_folder()
     for path in folder.glob("*.toml"):
         assert read_specification(path).grid.shape
+
+
+def a_table_of(name: str) -> ValueTable:
+    """Return a table of any values; what is outside, periodic and unknown does not depend on them."""
+    dynamics = find_dynamics(name)
+    grids = {
+        "air3d": GridSettings(lower=(-6.0, -10.0, 0.0), upper=(20.0, 10.0, 2.0 * np.pi), shape=(9, 8, 7)),
+        "highway": GridSettings(
+            lower=(-60.0, -8.0, -0.4, 0.0, 0.0), upper=(60.0, 8.0, 0.4, 40.0, 40.0), shape=(9, 9, 7, 7, 7)
+        ),
+    }
+    specification = TableSpecification(dynamics=name, grid=grids[name])
+    values = np.random.default_rng(1).normal(size=grids[name].shape).astype(np.float32)
+    return ValueTable(specification, dynamics, values, report=None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["air3d", "highway"])
+def test_of_a_state_that_is_not_finite_nothing_is_known(name: str) -> None:
+    table = a_table_of(name)
+    for axis in range(table.grid.dimension):
+        for bad in (np.nan, np.inf, -np.inf):
+            states = np.zeros((3, table.grid.dimension))
+            states[1, axis] = bad
+            values, gradients = table.value_and_gradient(states)
+            assert np.isnan(values[1])
+            assert np.isnan(gradients[1]).all()
+            known = table.value_and_gradient(states[:1])
+            assert values[[0, 2]] == pytest.approx(np.repeat(known[0], 2))
+            np.testing.assert_allclose(gradients[[0, 2]], np.repeat(known[1], 2, axis=0))
+
+
+def test_a_state_many_turns_away_is_looked_up_within_the_table() -> None:
+    table = a_table_of("air3d")
+    turns = np.array([0.0, 1e9, 1e17, -1e17, 1e300, -1e300])
+    values, gradients = table.value_and_gradient(np.column_stack([np.ones_like(turns), np.ones_like(turns), turns]))
+    assert np.abs(values).max() <= np.abs(table.values).max()
+    assert np.isfinite(gradients).all()

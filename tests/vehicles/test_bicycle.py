@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
+from hj_cosim.vehicles.bicycle import SLOWEST_FULL_TURN, bicycle_step, steering_for
 
 WHEELBASE, SPEED_MAX = 5.0, 40.0
 
@@ -55,11 +55,25 @@ def test_speed_ends_at_the_top_speed():
     assert reached[0] == pytest.approx(39.5 * 0.25 + 40.0 * 0.75)
 
 
-@given(omega=st.floats(-0.3, 0.3), speed=st.floats(0.1, 40.0))
+@given(omega=st.floats(-0.3, 0.3), speed=st.floats(SLOWEST_FULL_TURN, 40.0))
 def test_steering_turns_at_the_yaw_rate_asked_for(omega, speed):
     steering = steering_for(omega, speed, WHEELBASE)
     reached = bicycle_step(np.array([0.0, 0.0, 0.0, speed]), steering, 0.0, WHEELBASE, SPEED_MAX, 0.02)
     assert reached[2] == pytest.approx(omega * 0.02, abs=1e-12)
+
+
+@given(omega=st.floats(-0.3, 0.3), speed=st.floats(0.0, 0.5), acceleration=st.floats(-6.0, 4.0))
+def test_a_car_that_hardly_moves_does_not_spin_when_it_drives_off(omega, speed, acceleration):
+    steering = steering_for(omega, speed, WHEELBASE)
+    reached = bicycle_step(np.array([0.0, 0.0, 0.0, speed]), steering, acceleration, WHEELBASE, SPEED_MAX, 0.02)
+    assert abs(reached[2]) <= abs(omega) * 0.02 * 1.08 + 1e-12
+
+
+@pytest.mark.parametrize(("speed", "kept"), [(45.0, SPEED_MAX), (-3.0, 0.0)])
+@pytest.mark.parametrize("acceleration", [1e-300, -1e-300, 1e-17, 0.0])
+def test_a_speed_beyond_its_limits_counts_as_the_limit(speed, kept, acceleration):
+    reached = bicycle_step(np.array([0.0, 0.0, 0.0, speed]), 0.0, acceleration, WHEELBASE, SPEED_MAX, 0.02)
+    np.testing.assert_allclose(reached, [0.02 * kept, 0.0, 0.0, kept], atol=1e-12)
 
 
 def test_a_standing_car_steers_straight():

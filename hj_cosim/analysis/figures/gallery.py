@@ -1,33 +1,39 @@
 """Every figure by its name, drawn from a run's or a study's folder or from a value table alone."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import pandas as pd
+import pyarrow.parquet as pq
 
 from hj_cosim.analysis.figures import control_sets as control_sets_figure
-from hj_cosim.analysis.figures.density_sweep import density_sweep
+from hj_cosim.analysis.figures.density_sweep import PANELS, density_sweep
 from hj_cosim.analysis.figures.highway import highway
 from hj_cosim.analysis.figures.planner_comparison import planner_comparison
 from hj_cosim.analysis.figures.schematic import boxed_in, schematic
 from hj_cosim.analysis.figures.snapshots import snapshots
+from hj_cosim.analysis.figures.stacks import STACK_COLUMNS
 from hj_cosim.analysis.figures.style import Drawing
 from hj_cosim.analysis.figures.timeline import timeline
 from hj_cosim.analysis.figures.trade_off import trade_off
 from hj_cosim.analysis.figures.value_along_drive import value_along_drive
 from hj_cosim.analysis.figures.value_slice import value_slice
 from hj_cosim.analysis.run_folder import CONFIG, Run, read_config, read_run
-from hj_cosim.config import Scenario, validate
-from hj_cosim.errors import OutputError, RunFolderError
-from hj_cosim.reachability.value_table import ValueTable, load_table
+from hj_cosim.config import Scenario, read_toml, validate
+from hj_cosim.errors import OutputError, RunFolderError, TableError
+from hj_cosim.reachability.value_table import ValueTable, find_specification, load_table
 from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.placement import density
 from hj_cosim.traffic.scenarios import network_path
 
 Source = Literal["run", "study", "table"]
 DEFAULT_TABLE = "highway"
+LARGEST_STUDY_TABLE = 100_000_000  # bytes
+MOST_STUDY_ROWS = 10_000_000
+TEXT_COLUMNS = ("scenario", *STACK_COLUMNS)
+WINDOW_COLUMNS = (*STACK_COLUMNS, "mean_speed", "ttc_p1")
 
 
 @dataclass(frozen=True)
@@ -41,11 +47,17 @@ class FigureKind:
 
 
 def _trade_off_of(folder: Path) -> Drawing:
-    return trade_off(read_study_table(folder / "windows.parquet"))
+    return trade_off(read_study_table(folder / "windows.parquet", WINDOW_COLUMNS))
 
 
 def _density_sweep_of(folder: Path) -> Drawing:
-    return density_sweep(read_study_table(folder / "table.csv"), scenario_densities(folder))
+    metrics = [f"{metric}{ending}" for metric, _ in PANELS for ending in ("", "_lo", "_hi")]
+    table = read_study_table(folder / "table.csv", ("scenario", *STACK_COLUMNS, "episodes", *metrics))
+    densities = scenario_densities(folder)
+    unknown = sorted(set(table.scenario) - densities.keys())
+    if unknown:
+        raise RunFolderError(f"{folder} holds no complete study: it has no episode of scenario {unknown[0]}")
+    return density_sweep(table, densities)
 
 
 FIGURES: Mapping[str, FigureKind] = {
@@ -103,9 +115,17 @@ def table_of(run: Run) -> ValueTable:
     """Return the value table that a run was driven with, solved first if it is not there.
 
     Raises:
-        TableError, ConfigurationError: if it cannot be had.
+        TableError, ConfigurationError: if it cannot be had, or its game is a Python file: a run's folder may come from
+            anybody, and what it names is not run.
     """
-    return load_table(str(run.config["table"]))
+    name = str(run.config["table"])
+    dynamics = str(read_toml(find_specification(name)).get("dynamics", ""))
+    if dynamics.endswith(".py"):
+        raise TableError(
+            f"{run.folder} was driven with {name}, whose game is the Python file {dynamics}, which is not run because a"
+            " run's folder says so; load_table it in Python and give it to write_report or draw_figure"
+        )
+    return load_table(name)
 
 
 def scenario_densities(study: Path) -> dict[str, float]:
@@ -119,15 +139,32 @@ def scenario_densities(study: Path) -> dict[str, float]:
     return densities
 
 
-def read_study_table(path: Path) -> pd.DataFrame:
-    """Return one of a study's tables, .csv or .parquet.
+def read_study_table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
+    """Return one of a study's tables, .csv or .parquet, which anybody may have made.
+
+    Args:
+        path: the file.
+        columns: what it must have; those not in TEXT_COLUMNS hold numbers.
 
     Raises:
-        RunFolderError: if it is missing or broken.
+        RunFolderError: if it is missing, broken, too large, or has not those columns.
     """
+    broken = f"{path.parent} holds no complete study: {path.name}"
     try:
-        return (
-            pd.read_csv(path, keep_default_na=False, na_values=[""]) if path.suffix == ".csv" else pd.read_parquet(path)
-        )
+        if path.stat().st_size > LARGEST_STUDY_TABLE:
+            raise RunFolderError(f"{broken} is too large; {LARGEST_STUDY_TABLE / 1e6:g} MB is the most")
+        if path.suffix == ".csv":
+            table = pd.read_csv(path, keep_default_na=False, na_values=[""])
+        else:
+            with pq.ParquetFile(path) as file:
+                if file.metadata.num_rows > MOST_STUDY_ROWS:
+                    raise RunFolderError(f"{broken} has {file.metadata.num_rows} rows; {MOST_STUDY_ROWS} is the most")
+            table = pd.read_parquet(path)
     except (OSError, ValueError) as error:
-        raise RunFolderError(f"{path.parent} holds no complete study: {path.name}: {error}") from error
+        raise RunFolderError(f"{broken}: {error}") from error
+    for name in columns:
+        if name not in table:
+            raise RunFolderError(f"{broken} has no column {name}")
+        if name not in TEXT_COLUMNS and not pd.api.types.is_numeric_dtype(table[name]):
+            raise RunFolderError(f"{broken}: column {name} must be of numbers")
+    return table

@@ -19,6 +19,8 @@ _FORM_WITHOUT_SCHEME = "^"
 def stacks_of(table: pd.DataFrame, beside: Sequence[str] = ()) -> Iterator[tuple[str, dict[str, Any], pd.DataFrame]]:
     """Yield the label, the plot style and the rows of each stack, in the order in which they first appear.
 
+    A label is text for matplotlib, no formula in it.
+
     Args:
         table: with the columns planner, filter and scheme.
         beside: further columns that tell rows of one stack apart, a scenario or a varied knob.
@@ -37,7 +39,7 @@ def stacks_of(table: pd.DataFrame, beside: Sequence[str] = ()) -> Iterator[tuple
             "linestyle": "-" if planner == "hjop" else "--",
         }
         label = ": ".join([*([", ".join(others)] if others else []), " + ".join(parts)])
-        yield label, look, table[(table[columns] == list(key)).all(axis=1)]
+        yield label.replace("$", r"\$"), look, table[(table[columns] == list(key)).all(axis=1)]
 
 
 def varying_factors(table: pd.DataFrame) -> list[str]:
