@@ -333,6 +333,11 @@ def main() -> None:
     except HjCosimError as error:
         messages.print(f"[bold red]error:[/bold red] {escape(str(error))}", highlight=False, soft_wrap=True)
         sys.exit(2)
+    except OSError as error:  # what nobody named on the way, such as a disk that is full while kernels are compiled
+        place = f": {error.filename}" if error.filename else ""
+        reason = f"the system refuses{place}: {error.strerror or error}; free some space or mend the permissions"
+        messages.print(f"[bold red]error:[/bold red] {escape(reason)}", highlight=False, soft_wrap=True)
+        sys.exit(2)
     except SystemExit as stopped:
         if stopped.code == _TYPER_INTERRUPTED:
             messages.print("interrupted; nothing half-written was left, and a study goes on with --resume")

@@ -5,7 +5,6 @@ import pickle
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Generator, Sequence
 from contextlib import suppress
@@ -14,6 +13,7 @@ from queue import Empty, Queue
 from typing import Any
 
 from hj_cosim.errors import WorkerError
+from hj_cosim.files import temporary_folder
 from hj_cosim.study.jobs import EpisodeFunction, EpisodeJob, Outcome
 from hj_cosim.study.worker import READY
 
@@ -48,8 +48,8 @@ class LocalWorkers:
             waiting.put(job)
         done: Queue[Outcome | WorkerError] = Queue()
         setup = pickle.dumps(function)
-        with tempfile.TemporaryDirectory(prefix="hj-cosim-study-") as logs:
-            seats = [_Seat(Path(logs) / f"{number}.log", setup) for number in range(min(self.count, len(jobs)))]
+        with temporary_folder() as logs:
+            seats = [_Seat(logs / f"{number}.log", setup) for number in range(min(self.count, len(jobs)))]
             threads = [threading.Thread(target=seat.serve, args=(waiting, done)) for seat in seats]
             try:
                 for thread in threads:
