@@ -8,7 +8,8 @@ finish any more, and removes it.
 import os
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from shutil import rmtree
 
@@ -57,10 +58,25 @@ def temporary_folder(above: Path | None = None, name: str = "") -> Iterator[Path
     Raises:
         HjCosimError: if it cannot be made.
     """
-    with naming_the_place(above or Path("a temporary file")):
+    with naming_the_place(above or Path("a temporary file")), ExitStack() as stack:
         parent = above or Path(tempfile.gettempdir())
-    with _claimed(lambda: Path(tempfile.mkdtemp(prefix=f".{name}{UNFINISHED}", dir=parent)), parent) as folder:
+        make = partial(tempfile.mkdtemp, prefix=f".{name}{UNFINISHED}", dir=parent)
+        folder = stack.enter_context(_claimed(lambda: Path(make()), parent))
+        at_the_end = stack.pop_all()
+    with at_the_end:
         yield folder
+
+
+def require_writable(path: Path) -> None:
+    """Check, before the work, that a file or a folder can be written at `path`; nothing is left there.
+
+    Raises:
+        HjCosimError: if it cannot.
+    """
+    above = next(parent for parent in path.absolute().parents if parent.exists())
+    # Only making something there tells: permissions say nothing of read-only disks, nor do they bind everyone.
+    with naming_the_place(path), _claimed(lambda: _new_file(above / "probe"), above):
+        pass
 
 
 @contextmanager
@@ -102,11 +118,10 @@ def _claimed(make: Callable[[], Path], folder: Path) -> Iterator[Path]:
     What ended processes left unfinished in `folder` is removed first.
 
     Raises:
-        HjCosimError: if nothing can be made there.
+        OSError: if nothing can be made there.
     """
-    with naming_the_place(folder):
-        remove_abandoned(folder)
-        path, lock = _make_and_lock(make)
+    remove_abandoned(folder)
+    path, lock = _make_and_lock(make)
     try:
         yield path
     finally:

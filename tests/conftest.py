@@ -2,11 +2,14 @@
 
 import os
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
 
 from hj_cosim.reachability.value_table import ValueTable, load_table
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))  # where kills.py is, for processes forked from ours too
 
 SMALL_SPECIFICATION = """
 description = "The highway game on a coarse grid, first order: for tests"

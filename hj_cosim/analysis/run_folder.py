@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 from hj_cosim.analysis.columns import name_column, numeric_column, text_column
 from hj_cosim.analysis.record import NO_VEHICLE, ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
 from hj_cosim.errors import HjCosimError, RunFolderError
-from hj_cosim.files import naming_the_place, temporary_folder
+from hj_cosim.files import naming_the_place, require_writable, temporary_folder
 from hj_cosim.vehicles.road import Road
 
 CONFIG = "config.toml"
@@ -63,13 +63,10 @@ def require_free_folder(folder: Path) -> None:
         raise RunFolderError(f"{folder} {what}; choose another --out, or remove it")
     if folder.exists() and not folder.is_dir():
         raise RunFolderError(f"{folder} is a file, a run needs a folder; choose another --out")
-    above = next(parent for parent in folder.absolute().parents if parent.exists())
     try:
-        # Only making something there tells: permissions say nothing of read-only disks, nor do they bind everyone.
-        with temporary_folder(above):
-            pass
+        require_writable(folder)
     except HjCosimError as error:
-        raise RunFolderError(f"{folder} cannot be made, for {error}") from error
+        raise RunFolderError(str(error)) from error
 
 
 @contextmanager

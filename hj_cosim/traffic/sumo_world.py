@@ -112,6 +112,7 @@ class SumoWorld:
         folder = self._at_the_end.enter_context(temporary_folder())
         self._sumo_log = folder / "sumo.log"
         self._errors = folder / "errors.log"
+        self._moves_wait = False
         with contextlib.ExitStack() as unless_started:
             unless_started.callback(self.close)
             self._start(scenario.name, network, initial, seed)
@@ -211,8 +212,10 @@ class SumoWorld:
         """
         try:
             self._request_lane_changes()
+            self._moves_wait = True
             self._place_robot(robot_state)
             libsumo.simulationStep()
+            self._moves_wait = False
             if self._has_new_ghost:  # it has made no way yet, and would stand in its followers' eyes
                 libsumo.vehicle.setPreviousSpeed(GHOST, float(robot_state[3]))
             self._steps += 1
@@ -352,6 +355,10 @@ class SumoWorld:
         with self._at_the_end:
             try:
                 if libsumo.isLoaded():
+                    if self._moves_wait:
+                        # What moveToXY asked for outlives SUMO's end, and the next world of this process would fall
+                        # over a vehicle that is gone (segmentation fault): so it is carried out first.
+                        libsumo.simulationStep()
                     libsumo.close()
             except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
                 raise SimulationError(f"SUMO failed at its end: {error}") from error
@@ -362,5 +369,10 @@ class SumoWorld:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *exception: object) -> None:
-        self.close()
+    def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
+        try:
+            self.close()
+        except SimulationError as failure:
+            if error is None:
+                raise
+            log.warning("%s", failure)  # what came first tells more
