@@ -3,13 +3,14 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN_ARGS ?=
 
-.PHONY: help run test test-cluster lint bench pictures clean
+.PHONY: help run test test-cluster golden lint bench pictures clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make run    set up, then drive the default co-simulation (RUN_ARGS='dense --seed 3' to vary it)"
 	@echo "make test   set up, then run the tests"
 	@echo "make test-cluster  a study on a Dask cluster of real processes on this machine"
+	@echo "make golden renew the numbers that the tests hold runs to; a new line in CHANGELOG.md has to say why"
 	@echo "make lint   ruff and mypy"
 	@echo "make bench  the benchmarks, measured against the peers in the same run"
 	@echo "make clean  remove the virtual environment and caches (tables and runs stay)"
@@ -22,6 +23,9 @@ test: .venv/.test-ready
 
 test-cluster: .venv/.test-ready
 	@$(BIN)/python -m pytest tests/study/cluster
+
+golden: .venv/.test-ready
+	@$(BIN)/python tests/golden_runs.py
 
 lint: .venv/.test-ready
 	@$(BIN)/ruff check .

@@ -160,9 +160,12 @@ def test_read_only_folder_is_named_before_any_work(call, monkeypatch, scenario, 
 
 @pytest.mark.parametrize(
     "arguments",
-    [("export", "RUN", "--out", READ_ONLY / "drive.csv"), ("figure", "timeline", "--run", "RUN", "--out", READ_ONLY / "a.png")],
+    [
+        ("export", "RUN", "--out", READ_ONLY / "drive.csv"),
+        ("figure", "timeline", "--run", "RUN", "--out", READ_ONLY / "a.png"),
+    ],
     ids=lambda arguments: arguments[0],
-)  # fmt: skip
+)
 def test_read_only_folder_is_named(call, driven, arguments):
     status, said = call(*(driven if argument == "RUN" else argument for argument in arguments))
     assert status == 2

@@ -369,10 +369,10 @@ class SumoWorld:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
+    def __exit__(self, *exception: object) -> None:
         try:
             self.close()
         except SimulationError as failure:
-            if error is None:
+            if exception[0] is None:
                 raise
             log.warning("%s", failure)  # what came first tells more
