@@ -6,13 +6,12 @@ that has not explained an earlier renewal; fixtures/golden.json names all lines 
 
 import json
 import re
+import shutil
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-
-from conftest import SMALL_SPECIFICATION
 
 from hj_cosim.cosim.episode import Episode, run_episode
 from hj_cosim.errors import ConfigurationError
@@ -78,8 +77,7 @@ def renewed(kept: Mapping[str, Any], runs: Mapping[str, Any], changelog: str) ->
 def main() -> None:
     """Renew golden.json."""
     with tempfile.TemporaryDirectory() as folder:
-        specification = Path(folder) / "highway_small.toml"
-        specification.write_text(SMALL_SPECIFICATION)
+        specification = Path(shutil.copy(HERE / "fixtures" / "highway_small.toml", folder))
         runs = {name: numbers_of(name, specification) for name in RUNS}
     kept = json.loads(GOLDEN.read_text())
     try:

@@ -1,12 +1,9 @@
 """Faults of the machine: each ends in one clear sentence and exit status 2, and nothing half-written is left."""
 
 import errno
-import json
 import os
 import resource
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import libsumo
@@ -15,12 +12,11 @@ import pytest
 from hj_cosim import run_episode
 from hj_cosim.analysis.replay import write_replay
 from hj_cosim.analysis.run_folder import read_run
-from hj_cosim.cli import main
 from hj_cosim.cosim import episode
 from hj_cosim.files import UNFINISHED
 from hj_cosim.locations import scenarios_folder
 from hj_cosim.reachability import value_table
-from hj_cosim.reachability.value_table import ValueTable, load_table
+from hj_cosim.reachability.value_table import load_table
 from hj_cosim.traffic import sumo_world
 
 FEW_CARS = '[traffic]\ncount = 6\ncount_behind = 2\n[network]\nfile = "mine.net.xml"\n'
@@ -39,16 +35,13 @@ def scenario(tmp_path):
 
 
 @pytest.fixture
-def call(capsys, monkeypatch):
+def call(call):
     """Return a function that runs the command line and returns its exit status and what it said, in one line."""
 
     def run_command(*arguments):
-        monkeypatch.setattr(sys, "argv", ["hj-cosim", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        said = capsys.readouterr()
-        assert "Traceback" not in said.err
-        return stopped.value.code or 0, " ".join(said.err.split())
+        status, _, said = call(*arguments)
+        assert "Traceback" not in said
+        return status, " ".join(said.split())
 
     return run_command
 
@@ -248,16 +241,3 @@ def test_sumo_that_cannot_even_end_is_named(drive, monkeypatch, tmp_path):
     assert "error: SUMO failed at its end: nothing goes any more" in said
     assert what_is_in(tmp_path) == ["mine", "mine/few.toml", "mine/mine.net.xml"]
     libsumo.close()
-
-
-def test_two_solves_of_one_table_at_once_end_in_one_good_table(small_specification, small_table, tmp_path):
-    shutil.copy(small_specification, tmp_path / "mine.toml")
-    command = [sys.executable, "-m", "hj_cosim", "table", "solve", str(tmp_path / "mine.toml"), "--json"]
-    both = [subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)]
-    for process in both:
-        out, err = process.communicate()
-        assert process.returncode == 0, err
-        assert json.loads(out)["file"] == str(tmp_path / "mine.npz")
-    table = ValueTable.load(tmp_path / "mine.npz")
-    assert (table.values == small_table.values).all()
-    assert what_is_in(tmp_path) == ["mine.npz", "mine.toml"]

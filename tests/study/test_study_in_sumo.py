@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from hj_cosim.reachability.value_table import table_path
+from hj_cosim.study import study as study_module
 from hj_cosim.study.design import design_study
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.folder import StudyFolder
@@ -43,15 +44,19 @@ def all_files(folder):
     return content
 
 
-def test_every_file_is_the_same_for_one_worker_for_two_and_after_being_killed(few_cars, tmp_path):
+def test_every_file_is_the_same_in_this_process_for_two_workers_killed_and_for_the_one_that_resumes(
+    few_cars, in_this_process, monkeypatch, tmp_path
+):
     scenario, assignments = few_cars
     options = {**STUDY, "assignments": assignments}
-    one = run_study(scenario, workers=1, folder=tmp_path / "one", **options)
-    files = all_files(one.folder)
+    with monkeypatch.context() as patch:
+        patch.setattr(study_module, "LocalWorkers", lambda _: in_this_process)
+        reference = run_study(scenario, folder=tmp_path / "reference", **options)
+    files = all_files(reference.folder)
     assert {"table.csv", "episodes.parquet", "episodes/op-rss-sw/1/trajectories.parquet"} <= files.keys()
     assert sum(name.startswith("episodes/") for name in files) == 4 * 5
 
-    # The command line, killed when it has an episode; then resumed, by two workers.
+    # The command line, killed as soon as it has an episode.
     arguments = [argument for assignment in assignments for argument in ("--set", assignment)]
     arguments += [argument for stack in STUDY["stacks"] for argument in ("--stack", stack.name)]
     command = [sys.executable, "-m", "hj_cosim", "study", scenario, "--episodes", "2", "--workers", "2", *arguments]
@@ -61,16 +66,16 @@ def test_every_file_is_the_same_for_one_worker_for_two_and_after_being_killed(fe
         time.sleep(0.01)
     process.kill()
     process.wait()
-    resumed = run_study(scenario, workers=2, folder=killed, resume=True, **options)
+    resumed = run_study(scenario, workers=1, folder=killed, resume=True, **options)
     assert resumed.failures == ()
     assert all_files(killed) == files
 
 
 @pytest.fixture
 def conduct_in_sumo(few_cars, small_specification, tmp_path):
-    """Return a function that conducts a study of three episodes of a robot that keeps its lane, by one worker."""
+    """Return a function that conducts a study of four episodes of a robot that keeps its lane, by one worker."""
     scenario, assignments = few_cars
-    design = design_study((scenario,), episodes=3, stacks=(Stack("idle", "none"),), assignments=assignments)
+    design = design_study((scenario,), episodes=4, stacks=(Stack("idle", "none"),), assignments=assignments)
 
     def conduct_it(function, resume=False):
         folder = StudyFolder(tmp_path / "study", design)
@@ -84,21 +89,16 @@ def conduct_in_sumo(few_cars, small_specification, tmp_path):
     return conduct_it
 
 
-@pytest.mark.parametrize(
-    ("way", "reason"),
-    [
-        ("drive_while_sumo_fails", "SUMO failed at 0.20 s: nothing goes any more"),
-        ("drive_while_sumo_crashes", "the worker process was killed by SIGSEGV"),
-    ],
-)
-def test_failure_of_sumo_is_reported_with_its_log_and_the_others_go_on(conduct_in_sumo, monkeypatch, way, reason):
-    """SUMO is one per process and stays broken: the episode after the unlucky one must not suffer from it."""
+def test_failures_of_sumo_are_reported_with_their_logs_and_the_others_go_on(conduct_in_sumo, monkeypatch):
+    """SUMO is one per process and stays broken: the episodes after the unlucky ones must not suffer from it."""
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
-    episodes_in_sumo = importlib.import_module("episodes_in_sumo")
-    study = conduct_in_sumo(getattr(episodes_in_sumo, way))
-    (failure,) = study.failures
-    assert (failure.seed, failure.reason) == (episodes_in_sumo.UNLUCKY_SEED, reason)
-    assert "SUMO said something last" in failure.log.read_text()
-    assert (list(study.table["episodes"]), list(study.table["missing"])) == ([2], [1])
+    episodes = importlib.import_module("episodes_in_sumo")
+    study = conduct_in_sumo(episodes.drive_while_sumo_breaks)
+    assert {failure.seed: failure.reason for failure in study.failures} == {
+        episodes.SEED_OF_AN_ERROR: "SUMO failed at 0.20 s: nothing goes any more",
+        episodes.SEED_OF_A_CRASH: "the worker process was killed by SIGSEGV",
+    }
+    assert all("SUMO said something last" in failure.log.read_text() for failure in study.failures)
+    assert (list(study.table["episodes"]), list(study.table["missing"])) == ([2], [2])
     resumed = conduct_in_sumo(drive_episode, resume=True)
     assert (resumed.failures, list(resumed.table["missing"])) == ((), [0])
