@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN_ARGS ?=
 
-.PHONY: help run test test-cluster test-oldest coverage licences lint bench pictures clean
+.PHONY: help run test test-cluster test-oldest coverage licences golden lint bench pictures clean
 .DEFAULT_GOAL := help
 
 help:
@@ -13,6 +13,7 @@ help:
 	@echo "make test-oldest  the tests with the oldest dependencies that pyproject.toml allows, in .venv-oldest"
 	@echo "make coverage  the tests, and which lines of the package they run; fails below 90 %"
 	@echo "make licences  what the dependencies are licensed under"
+	@echo "make golden renew the numbers that the tests hold runs to; a new line in CHANGELOG.md has to say why"
 	@echo "make lint   ruff and mypy"
 	@echo "make bench  the benchmarks, measured against the peers in the same run"
 	@echo "make clean  remove the virtual environment and caches (tables and runs stay)"
@@ -49,6 +50,9 @@ test-oldest: .venv-oldest/.ready
 oldest: .venv/.uv-ready
 	@$(BIN)/uv pip compile pyproject.toml --extra test --resolution lowest-direct --python-version 3.11 \
 	  --no-header --no-annotate --quiet --output-file tests/oldest.txt
+
+golden: .venv/.test-ready
+	@$(BIN)/python tests/golden_runs.py
 
 lint: .venv/.test-ready
 	@$(BIN)/ruff check .

@@ -24,6 +24,7 @@ from hj_cosim.console import (
     summary_table,
 )
 from hj_cosim.errors import ConfigurationError, HjCosimError
+from hj_cosim.files import require_writable
 from hj_cosim.locations import runs_folder
 
 
@@ -254,6 +255,7 @@ def table_solve(
         raise ConfigurationError(f"--shape and --scheme make another table than {path} says: name its file with --out")
     changed = changed_specification(path, shape=shape, scheme=scheme)
     target = out or table_path(path)
+    require_writable(target)
     with progress_bars() as bars:
         table = solve_table(changed, bar(bars, f"solving table {path.stem}"))
     table.save(target)
@@ -332,6 +334,11 @@ def main() -> None:
         app()
     except HjCosimError as error:
         messages.print(f"[bold red]error:[/bold red] {escape(str(error))}", highlight=False, soft_wrap=True)
+        sys.exit(2)
+    except OSError as error:  # what nobody named on the way, such as a disk that is full while kernels are compiled
+        place = f" {error.filename}" if error.filename else ""
+        reason = f"the system refuses{place}: {error.strerror or error}; free some space or mend the permissions"
+        messages.print(f"[bold red]error:[/bold red] {escape(reason)}", highlight=False, soft_wrap=True)
         sys.exit(2)
     except SystemExit as stopped:
         if stopped.code == _TYPER_INTERRUPTED:

@@ -1,13 +1,27 @@
-"""Files that appear whole or not at all."""
+"""Files and folders that appear whole or not at all, and of which a killed process leaves nothing for ever.
+
+What is being written has a temporary name beside its place, and is locked by the process that writes it. The system
+drops the lock when that process ends, however it ends; so the next one to write there can tell what nobody will
+finish any more, and removes it.
+"""
 
 import os
 import re
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
+from shutil import rmtree
 
 from hj_cosim.errors import HjCosimError
+
+try:
+    import fcntl
+except ModuleNotFoundError:  # Windows has no such locks: there, what a killed process leaves is left to the user
+    fcntl = None  # type: ignore[assignment]
+
+UNFINISHED = ".hj-cosim-unfinished-"  # in the name of everything that is being written
 
 LONGEST_NAME = 200  # bytes; a file system takes 255, and a stack, a seed and a temporary name's letters are added
 
@@ -31,21 +45,128 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises:
         HjCosimError: if the folder cannot be written or the disk is full.
     """
-    try:
+    with naming_the_place(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-    except OSError as error:
-        raise HjCosimError(f"cannot write {path}: {error.strerror}; choose another place or free it") from error
-    os.close(handle)
-    temporary = Path(name)
+        with _claimed(lambda: _new_file(path), path.parent) as temporary:
+            yield temporary
+            # mkstemp makes the file private; what we write is as readable as any other file of the user.
+            umask = os.umask(0)
+            os.umask(umask)
+            temporary.chmod(0o666 & ~umask)
+            temporary.replace(path)
+
+
+@contextmanager
+def temporary_folder(above: Path | None = None, name: str = "") -> Iterator[Path]:
+    """Yield a new folder, which is gone when the block ends, unless it was moved elsewhere.
+
+    Args:
+        above: where it is made, the system's folder for temporary files unless given.
+        name: what its name begins with, after a dot.
+
+    Raises:
+        HjCosimError: if it cannot be made.
+    """
+    with naming_the_place(above or Path("a temporary file")), ExitStack() as stack:
+        parent = above or Path(tempfile.gettempdir())
+        make = partial(tempfile.mkdtemp, prefix=f".{name}{UNFINISHED}", dir=parent)
+        folder = stack.enter_context(_claimed(lambda: Path(make()), parent))
+        at_the_end = stack.pop_all()
+    with at_the_end:
+        yield folder
+
+
+def require_writable(path: Path) -> None:
+    """Check, before the work, that a file or a folder can be written at `path`; nothing is left there.
+
+    Raises:
+        HjCosimError: if it cannot.
+    """
+    above = next(parent for parent in path.absolute().parents if parent.exists())
+    # Only making something there tells: permissions say nothing of read-only disks, nor do they bind everyone.
+    with naming_the_place(path), _claimed(lambda: _new_file(above / "probe"), above):
+        pass
+
+
+@contextmanager
+def naming_the_place(place: Path, kind: type[HjCosimError] = HjCosimError) -> Iterator[None]:
+    """Turn what the system refuses within the block into one sentence about `place`.
+
+    Raises:
+        HjCosimError: of the given kind, if anything raised an OSError.
+    """
     try:
-        yield temporary
-        # mkstemp makes the file private; what we write is as readable as any other file of the user.
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
-        temporary.replace(path)
+        yield
     except OSError as error:
-        raise HjCosimError(f"cannot write {path}: {error.strerror}; choose another place or free it") from error
+        reason = error.strerror or str(error)
+        raise kind(f"cannot write {place}: {reason}; choose another place or free it") from error
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove everything unfinished in `folder` that no living process holds; not what lies in folders within."""
+    for path in list(folder.glob(f".*{UNFINISHED}*")):
+        with suppress(OSError):  # gone meanwhile, or another user's: nothing of ours to remove
+            lock = os.open(path, os.O_RDONLY)
+            try:
+                if _lock(lock, wait=False):
+                    _remove(path)
+            finally:
+                os.close(lock)
+
+
+def _new_file(path: Path) -> Path:
+    handle, name = tempfile.mkstemp(prefix=f".{path.stem}{UNFINISHED}", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    return Path(name)
+
+
+@contextmanager
+def _claimed(make: Callable[[], Path], folder: Path) -> Iterator[Path]:
+    """Yield what `make` makes in `folder`, locked, and remove it at the end if it is still there.
+
+    What ended processes left unfinished in `folder` is removed first.
+
+    Raises:
+        OSError: if nothing can be made there.
+    """
+    remove_abandoned(folder)
+    path, lock = _make_and_lock(make)
+    try:
+        yield path
     finally:
-        temporary.unlink(missing_ok=True)
+        _remove(path)
+        os.close(lock)
+
+
+def _make_and_lock(make: Callable[[], Path]) -> tuple[Path, int]:
+    """Return a new path and the descriptor that locks it; again, if another process took it for abandoned before."""
+    while True:
+        path = make()
+        with suppress(FileNotFoundError):
+            lock = os.open(path, os.O_RDONLY)
+            _lock(lock, wait=True)
+            if path.exists():
+                return path, lock
+            os.close(lock)
+
+
+def _lock(handle: int, *, wait: bool) -> bool:
+    """Lock an open file or folder for this process; return whether that was possible.
+
+    It is not where another process holds it (unless one waits for that), nor on file systems that know no locks; what
+    is there is never taken for abandoned.
+    """
+    if fcntl is None:
+        return False
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except OSError:
+        return False
+    return True
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)

@@ -3,42 +3,42 @@
 import os
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from hj_cosim.cli import main
 from hj_cosim.reachability.value_table import ValueTable, load_table
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))  # any_configuration
-
-SMALL_SPECIFICATION = """
-description = "The highway game on a coarse grid, first order: for tests"
-dynamics = "highway"
-horizon = 3.0
-scheme = "first_order"
-
-[grid]
-lower = [-145.0, -8.0, -0.4, 0.0, 0.0]
-upper = [145.0, 8.0, 0.4, 40.0, 40.0]
-shape = [59, 17, 9, 7, 7]
-
-[parameters]
-braking_shear = 0.08333333333333333
-"""
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))  # for the modules that tests share, in processes forked from ours too
 
 
 @pytest.fixture(scope="session")
 def small_specification(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the path of a coarse highway specification; its table is kept beside it once it has been solved."""
-    path = tmp_path_factory.mktemp("tables") / "highway_small.toml"
-    path.write_text(SMALL_SPECIFICATION)
-    return path
+    return Path(shutil.copy(HERE / "fixtures" / "highway_small.toml", tmp_path_factory.mktemp("tables")))
 
 
 @pytest.fixture(scope="session")
 def small_table(small_specification: Path) -> ValueTable:
     """Return the coarse highway table, solved."""
     return load_table(str(small_specification))
+
+
+@pytest.fixture
+def call(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, str, str]]:
+    """Return a function that runs the command line and returns its exit status, output and messages."""
+
+    def run_command(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["hj-cosim", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stopped:
+            main()
+        said = capsys.readouterr()
+        return stopped.value.code or 0, said.out, said.err
+
+    return run_command
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

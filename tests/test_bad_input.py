@@ -113,7 +113,7 @@ SPECIFICATIONS = {
     ("horizon = 3.0", "horizon = 3.0\ncfl = 2.0"): "less than or equal to 1",
     ("horizon = 3.0", "horizon = 3.0\nmargin = -1.0"): "greater than or equal to 0",
     ("horizon = 3.0", "horizon = 3.0\nrunge_kutta = 4"): "1, 2 or 3",
-    ("horizon = 3.0", "horizon = 3.0\nparameters = { friction = 1.0 }"): "friction",
+    ("[parameters]", "[parameters]\nfriction = 1.0"): "friction",
 }
 
 # Each case: arguments, and what the answer must name. FILE is a file, EMPTY an empty folder, FULL one with a file,

@@ -10,22 +10,6 @@ import sys
 import pandas as pd
 import pytest
 
-from hj_cosim.cli import main
-
-
-@pytest.fixture
-def call(capsys, monkeypatch):
-    """Return a function that runs the command line and returns its exit status, output and messages."""
-
-    def run_command(*arguments):
-        monkeypatch.setattr(sys, "argv", ["hj-cosim", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        said = capsys.readouterr()
-        return stopped.value.code or 0, said.out, said.err
-
-    return run_command
-
 
 @pytest.fixture(scope="module")
 def run_folder(small_specification, tmp_path_factory):

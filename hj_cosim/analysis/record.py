@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hj_cosim.analysis.large_arrays import zeros
 from hj_cosim.vehicles.observation import Observation
 from hj_cosim.vehicles.road import Road
 
@@ -32,10 +33,14 @@ class TrafficTrack:
 
     @classmethod
     def empty(cls, names: tuple[str, ...], length: np.ndarray, width: np.ndarray, samples: int) -> "TrafficTrack":
-        """Return a track of `samples` samples in which nobody is present yet, for a recorder to fill."""
+        """Return a track of `samples` samples in which nobody is present yet, for a recorder to fill.
+
+        Raises:
+            HjCosimError: if it fits neither into memory nor onto the disk (see large_arrays).
+        """
         shape = (samples, len(names))
-        floats = {name: np.zeros(shape) for name in ("x", "y", "heading", "speed", "acceleration")}
-        return cls(names, length, width, present=np.zeros(shape, bool), lane=np.zeros(shape, np.int8), **floats)
+        floats = {name: zeros(shape) for name in ("x", "y", "heading", "speed", "acceleration")}
+        return cls(names, length, width, present=zeros(shape, bool), lane=zeros(shape, np.int8), **floats)
 
     def first(self, samples: int) -> "TrafficTrack":
         """Return the first `samples` samples, for an episode that ended early."""

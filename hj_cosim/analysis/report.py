@@ -7,7 +7,6 @@ anything from anywhere.
 import base64
 import json
 import math
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
@@ -23,7 +22,7 @@ from hj_cosim.analysis.figures.style import save_drawing
 from hj_cosim.analysis.replay_data import replay_data
 from hj_cosim.analysis.run_folder import ROBOT, Run, read_run
 from hj_cosim.errors import RunFolderError
-from hj_cosim.files import whole_file
+from hj_cosim.files import temporary_folder, whole_file
 from hj_cosim.reachability.value_table import ValueTable
 
 REPORT = "report.html"
@@ -133,8 +132,8 @@ def _page(title: str, parts: Iterable[str]) -> str:
 
 
 def _figure(name: str, caption: str, **source: Any) -> str:
-    with tempfile.TemporaryDirectory() as folder:
-        path = save_drawing(draw_figure(name, **source), Path(folder) / f"{name}.png")[0]
+    with temporary_folder() as folder:
+        path = save_drawing(draw_figure(name, **source), folder / f"{name}.png")[0]
         picture = base64.b64encode(path.read_bytes()).decode("ascii")
     return (
         f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,{picture}">'

@@ -5,13 +5,10 @@ compression are fixed, and nothing that depends on the time or the machine is wr
 """
 
 import json
-import os
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from shutil import rmtree
 from typing import Any
 
 import numpy as np
@@ -31,7 +28,8 @@ from hj_cosim.analysis.run_bounds import (
     require_times,
 )
 from hj_cosim.config import EpisodeConfig, read_toml, validate
-from hj_cosim.errors import ConfigurationError, RunFolderError
+from hj_cosim.errors import ConfigurationError, HjCosimError, RunFolderError
+from hj_cosim.files import naming_the_place, require_writable, temporary_folder
 from hj_cosim.vehicles.road import Road
 
 CONFIG = "config.toml"
@@ -79,9 +77,10 @@ def require_free_folder(folder: Path) -> None:
         raise RunFolderError(f"{folder} {what}; choose another --out, or remove it")
     if folder.exists() and not folder.is_dir():
         raise RunFolderError(f"{folder} is a file, a run needs a folder; choose another --out")
-    above = next(parent for parent in folder.absolute().parents if parent.exists())
-    if not above.is_dir() or not os.access(above, os.W_OK):
-        raise RunFolderError(f"cannot write {folder}: {above} is no folder that you may write to; choose another --out")
+    try:
+        require_writable(folder)
+    except HjCosimError as error:
+        raise RunFolderError(str(error)) from error
 
 
 @contextmanager
@@ -92,20 +91,13 @@ def whole_folder(folder: Path) -> Iterator[Path]:
         RunFolderError: if `folder` already holds something, or cannot be written.
     """
     require_free_folder(folder)
-    try:
+    with naming_the_place(folder, RunFolderError):
         folder.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    except OSError as error:
-        raise RunFolderError(f"cannot write {folder}: {error.strerror}; choose another place or free it") from error
-    try:
-        # mkdtemp makes the folder private; what we write is as readable as any other folder of the user.
-        temporary.chmod(folder.parent.stat().st_mode & 0o777)
-        yield temporary
-        temporary.replace(folder)
-    except OSError as error:
-        raise RunFolderError(f"cannot write {folder}: {error.strerror}; choose another place or free it") from error
-    finally:
-        rmtree(temporary, ignore_errors=True)
+        with temporary_folder(folder.parent, folder.name) as temporary:
+            # It is made private; what we write is as readable as any other folder of the user.
+            temporary.chmod(folder.parent.stat().st_mode & 0o777)
+            yield temporary
+            temporary.replace(folder)
 
 
 def write_run(

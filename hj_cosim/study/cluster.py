@@ -17,7 +17,7 @@ from typing import Any
 
 from hj_cosim.analysis.run_folder import whole_folder
 from hj_cosim.errors import HjCosimError, WorkerError
-from hj_cosim.files import whole_file
+from hj_cosim.files import temporary_folder, whole_file
 from hj_cosim.study.jobs import EpisodeFunction, EpisodeJob, Outcome
 
 RunFiles = Mapping[str, bytes | None]  # the content of a run folder by path; None for a folder in it
@@ -114,8 +114,8 @@ def _content(content: bytes) -> TableContent:
 def _drive_remotely(job: EpisodeJob, table: TableContent, function: EpisodeFunction) -> RunFiles | str:
     """Drive an episode on a worker, and return its run folder's files, or one sentence on why it could not be."""
     try:
-        with _ONE_SUMO, tempfile.TemporaryDirectory(prefix="hj-cosim-") as temporary:
-            folder = Path(temporary) / job.folder.name
+        with _ONE_SUMO, temporary_folder() as temporary:
+            folder = temporary / job.folder.name
             function(replace(job, table=_table_file(table), folder=folder))
             return _pack(folder)
     except HjCosimError as error:

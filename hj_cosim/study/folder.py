@@ -25,7 +25,7 @@ from hj_cosim.analysis.run_folder import require_free_folder
 from hj_cosim.config import read_toml
 from hj_cosim.cosim.configuration import config_toml
 from hj_cosim.errors import RunFolderError
-from hj_cosim.files import whole_file
+from hj_cosim.files import remove_abandoned, whole_file
 from hj_cosim.study.design import Cell, StudyDesign
 from hj_cosim.study.jobs import EpisodeJob, Keep, Outcome
 from hj_cosim.study.results import config_of, is_complete
@@ -72,8 +72,8 @@ class StudyFolder:
             raise RunFolderError(
                 f"{self.path} already holds a study; add --resume to go on with it, or choose another --out"
             )
-        for unfinished in list((self.path / EPISODES).glob("**/.*")):
-            rmtree(unfinished, ignore_errors=True)
+        for folder in (self.path, self.path / EPISODES, *(self.path / EPISODES).glob("**/")):
+            remove_abandoned(folder)
         rmtree(self.path / FAILURES, ignore_errors=True)
 
     def require_same_program(self, program: Mapping[str, str]) -> None:

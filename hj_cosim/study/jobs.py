@@ -26,6 +26,15 @@ name, so that it can be sent to other processes."""
 
 
 @dataclass(frozen=True)
+class NotDone:
+    """A worker's answer when it could not carry out a job."""
+
+    reason: str  # one sentence
+    # SUMO failed, which is one per process and keeps a state of its own: no other episode is to suffer from that.
+    process_is_spoilt: bool
+
+
+@dataclass(frozen=True)
 class Outcome:
     """What became of a job."""
 

@@ -5,7 +5,6 @@ import pickle
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Generator, Sequence
 from contextlib import suppress
@@ -14,7 +13,8 @@ from queue import Empty, Queue
 from typing import Any
 
 from hj_cosim.errors import WorkerError
-from hj_cosim.study.jobs import EpisodeFunction, EpisodeJob, Outcome
+from hj_cosim.files import temporary_folder
+from hj_cosim.study.jobs import EpisodeFunction, EpisodeJob, NotDone, Outcome
 from hj_cosim.study.worker import READY
 
 LOG_LENGTH = 20_000  # characters of a failed episode's log that are kept, from its end
@@ -48,8 +48,8 @@ class LocalWorkers:
             waiting.put(job)
         done: Queue[Outcome | WorkerError] = Queue()
         setup = pickle.dumps(function)
-        with tempfile.TemporaryDirectory(prefix="hj-cosim-study-") as logs:
-            seats = [_Seat(Path(logs) / f"{number}.log", setup) for number in range(min(self.count, len(jobs)))]
+        with temporary_folder() as logs:
+            seats = [_Seat(logs / f"{number}.log", setup) for number in range(min(self.count, len(jobs)))]
             threads = [threading.Thread(target=seat.serve, args=(waiting, done)) for seat in seats]
             try:
                 for thread in threads:
@@ -139,12 +139,17 @@ class _WorkerProcess:
         return self._is_set_up
 
     def carry_out(self, job: EpisodeJob) -> Outcome:
-        """Have one job done; a process that dies over it is a failed job."""
+        """Have one job done; a process that dies over it is a failed job, and SUMO's failure ends the process."""
         self._log.truncate(0)
         reply = self._ask(pickle.dumps(job))
         if reply is _NOTHING:
             return Outcome(job, f"the worker process {self._how_it_ended()}", self.log_text())
-        return Outcome(job) if reply is None else Outcome(job, str(reply), self.log_text())
+        if isinstance(reply, NotDone):
+            if reply.process_is_spoilt:
+                self._process.kill()
+                self._process.wait()
+            return Outcome(job, reply.reason, self.log_text())
+        return Outcome(job)
 
     def is_dead(self) -> bool:
         """Return whether the process has ended."""

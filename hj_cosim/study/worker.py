@@ -1,8 +1,8 @@
 """The process that drives episodes one after the other for `study.local_workers`.
 
 It reads requests from standard input, each a pickle within a pickle: first the function that drives an episode, then
-one EpisodeJob after the other. It answers each on standard output: READY, then None for a job that is done or one
-sentence for one that could not be. What it or SUMO prints goes to standard error. A programming error ends the
+one EpisodeJob after the other. It answers each on standard output: READY, then None for a job that is done or a
+NotDone for one that could not be. What it or SUMO prints goes to standard error. A programming error ends the
 process, and the traceback is printed.
 """
 
@@ -13,8 +13,8 @@ import threading
 from queue import SimpleQueue
 from typing import BinaryIO
 
-from hj_cosim.errors import HjCosimError
-from hj_cosim.study.jobs import EpisodeFunction, EpisodeJob
+from hj_cosim.errors import HjCosimError, SimulationError
+from hj_cosim.study.jobs import EpisodeFunction, EpisodeJob, NotDone
 
 READY = "ready"
 
@@ -46,15 +46,15 @@ def _receive(stream: BinaryIO, requests: "SimpleQueue[bytes]") -> None:
         os._exit(0)
 
 
-def _carry_out(job: EpisodeJob, function: EpisodeFunction) -> str | None:
+def _carry_out(job: EpisodeJob, function: EpisodeFunction) -> NotDone | None:
     try:
         function(job)
     except HjCosimError as error:
-        return str(error)
+        return NotDone(str(error), process_is_spoilt=isinstance(error, SimulationError))
     return None
 
 
-def _reply(stream: BinaryIO, reply: str | None) -> None:
+def _reply(stream: BinaryIO, reply: str | NotDone | None) -> None:
     pickle.dump(reply, stream)
     stream.flush()
 

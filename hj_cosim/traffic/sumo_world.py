@@ -6,7 +6,6 @@ import logging
 import math
 import os
 import re
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Self
@@ -19,6 +18,7 @@ with contextlib.redirect_stdout(io.StringIO()) as _libsumo_says:
 
 from hj_cosim.config import RobotSettings, Scenario
 from hj_cosim.errors import SimulationError
+from hj_cosim.files import naming_the_place, temporary_folder
 from hj_cosim.traffic.lane_changes import wanted_lanes
 from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.placement import CAR_LENGTH, CAR_WIDTH, InitialTraffic, initial_traffic
@@ -117,34 +117,38 @@ class SumoWorld:
         self._mobil = mobil_parameters(
             scenario.drivers.politeness, scenario.drivers.gain_threshold, scenario.drivers.safe_braking
         )
-        self._folder = tempfile.TemporaryDirectory(prefix="hj-cosim-")
-        self._sumo_log = Path(self._folder.name) / "sumo.log"
-        self._errors = Path(self._folder.name) / "errors.log"
-        try:
-            self._start(network, initial, seed)
-        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
-            reason = self._first_error() or " ".join(str(error).split())
-            self.close()
-            raise SimulationError(f"SUMO cannot run scenario {scenario.name} on {network}: {reason}") from error
-        inserted = libsumo.vehicle.getIDCount() - 1
-        if inserted != len(self.vehicle_names):
-            self.close()
-            raise SimulationError(
-                f"SUMO inserted {inserted} of the {len(self.vehicle_names)} cars of scenario {scenario.name}"
-                f" on {network}; its log tells why"
-            )
+        self._at_the_end = contextlib.ExitStack()
+        folder = self._at_the_end.enter_context(temporary_folder())
+        self._sumo_log = folder / "sumo.log"
+        self._errors = folder / "errors.log"
+        self._moves_wait = False
+        with contextlib.ExitStack() as unless_started:
+            unless_started.callback(self.close)
+            self._start(scenario.name, network, initial, seed)
+            unless_started.pop_all()
         self._take_stock(initial, seed)
 
-    def _start(self, network: Path, initial: InitialTraffic, seed: int) -> None:
-        routes = Path(self._folder.name) / "traffic.rou.xml"
+    def _start(self, scenario: str, network: Path, initial: InitialTraffic, seed: int) -> None:
+        routes = self._sumo_log.with_name("traffic.rou.xml")
         robot = self._robot_body
-        write_routes(
-            routes, self._edge, initial, self.vehicle_names, self._robot_driver, ROBOT, robot.length, robot.width,
-            self.road.lane_at(initial.robot[1]),
-        )  # fmt: skip
-        with _stderr_into(self._errors):  # what SUMO finds wrong is told by our own error
-            libsumo.start(command_line(network, routes, self._sumo_log, self._step, seed, self._check_collisions))
-            libsumo.simulationStep()  # time 0: everyone is inserted, nobody has moved
+        with naming_the_place(routes):
+            write_routes(
+                routes, self._edge, initial, self.vehicle_names, self._robot_driver, ROBOT, robot.length, robot.width,
+                self.road.lane_at(initial.robot[1]),
+            )  # fmt: skip
+        try:
+            with _stderr_into(self._errors):  # what SUMO finds wrong is told by our own error
+                libsumo.start(command_line(network, routes, self._sumo_log, self._step, seed, self._check_collisions))
+                libsumo.simulationStep()  # time 0: everyone is inserted, nobody has moved
+        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+            reason = self._first_error() or " ".join(str(error).split())
+            raise SimulationError(f"SUMO cannot run scenario {scenario} on {network}: {reason}") from error
+        inserted = libsumo.vehicle.getIDCount() - 1
+        if inserted != len(self.vehicle_names):
+            raise SimulationError(
+                f"SUMO inserted {inserted} of the {len(self.vehicle_names)} cars of scenario {scenario}"
+                f" on {network}; its log tells why"
+            )
         for name in self.vehicle_names:
             libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE)
         libsumo.vehicle.setLaneChangeMode(ROBOT, NO_LANE_CHANGES)
@@ -219,8 +223,10 @@ class SumoWorld:
         """
         try:
             self._request_lane_changes()
+            self._moves_wait = True
             self._place_robot(robot_state)
             libsumo.simulationStep()
+            self._moves_wait = False
             if self._has_new_ghost:  # it has made no way yet, and would stand in its followers' eyes
                 libsumo.vehicle.setPreviousSpeed(GHOST, float(robot_state[3]))
             self._steps += 1
@@ -373,16 +379,32 @@ class SumoWorld:
         return lines[0].removeprefix("Error: ") if lines else ""
 
     def close(self) -> None:
-        """End SUMO and pass its warnings on to the log."""
-        if libsumo.isLoaded():
-            libsumo.close()
-        if self._sumo_log.is_file():
-            for line in _without_ghost(self._sumo_log.read_text(encoding="utf-8", errors="replace").splitlines()):
-                log.warning("SUMO: %s", line)
-        self._folder.cleanup()
+        """End SUMO and pass its warnings on to the log.
+
+        Raises:
+            SimulationError: if SUMO fails at that.
+        """
+        with self._at_the_end:
+            try:
+                if libsumo.isLoaded():
+                    if self._moves_wait:
+                        # What moveToXY asked for outlives SUMO's end, and the next world of this process would fall
+                        # over a vehicle that is gone (segmentation fault): so it is carried out first.
+                        libsumo.simulationStep()
+                    libsumo.close()
+            except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+                raise SimulationError(f"SUMO failed at its end: {error}") from error
+            if self._sumo_log.is_file():
+                for line in _without_ghost(self._sumo_log.read_text(encoding="utf-8", errors="replace").splitlines()):
+                    log.warning("SUMO: %s", line)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self.close()
+        try:
+            self.close()
+        except SimulationError as failure:
+            if exception[0] is None:
+                raise
+            log.warning("%s", failure)  # what came first tells more

@@ -28,6 +28,11 @@ class InThisProcess:
                 yield Outcome(job)
 
 
+@pytest.fixture
+def in_this_process() -> InThisProcess:
+    return InThisProcess()
+
+
 TWO_STACKS = (Stack("hjop", "spc", "mi"), Stack("op", "none"))
 
 

@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from hj_cosim.errors import RunFolderError
+from hj_cosim.files import UNFINISHED
 from hj_cosim.study.design import design_study, parse_variation
 from hj_cosim.study.folder import StudyFolder
 from hj_cosim.study.local_workers import LocalWorkers
@@ -137,7 +138,7 @@ def test_a_study_that_was_killed_is_resumed_and_ends_the_same(
     _, orphans = psutil.wait_procs(workers, timeout=60.0)
     assert not orphans
     # What a worker leaves that is cut short in the middle of writing.
-    (folder / "episodes" / "op-none" / ".3-cut-short").mkdir(parents=True)
+    (folder / "episodes" / "op-none" / f".3{UNFINISHED}cut").mkdir(parents=True)
     done = [path.parent for path in folder.glob("episodes/*/*/summary.json")]
     assert 2 <= len(done) < 8
     assert not (folder / "table.csv").exists()

@@ -1,5 +1,6 @@
 """How every picture looks: colours, sizes, and how it is saved."""
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -120,5 +121,8 @@ def _save(drawing: Drawing, path: Path) -> None:
         if path.suffix == ".csv":
             drawing.data.to_csv(temporary, index=False)
         else:
+            # In memory first: Matplotlib's PDF stumbles over itself when the disk is full.
+            picture = io.BytesIO()
             with house_style():
-                drawing.figure.savefig(temporary, metadata=_UNDATED[path.suffix])
+                drawing.figure.savefig(picture, format=path.suffix[1:], metadata=_UNDATED[path.suffix])
+            temporary.write_bytes(picture.getvalue())

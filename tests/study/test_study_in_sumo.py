@@ -1,0 +1,104 @@
+"""Studies in SUMO itself: the same bytes whoever drives and whatever came between, and SUMO's failures."""
+
+import importlib
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hj_cosim.reachability.value_table import table_path
+from hj_cosim.study import study as study_module
+from hj_cosim.study.design import design_study
+from hj_cosim.study.driving import drive_episode
+from hj_cosim.study.folder import StudyFolder
+from hj_cosim.study.local_workers import LocalWorkers
+from hj_cosim.study.stacks import Stack
+from hj_cosim.study.study import conduct, run_study
+
+FEW_CARS = "[traffic]\ncount = 6\ncount_behind = 2\n"
+MACHINE_DEPENDENT = {"wall_seconds", "real_time_factor"}
+STUDY = {"episodes": 2, "stacks": (Stack("hjop", "spc", "mi"), Stack("op", "rss", "sw"))}
+
+
+@pytest.fixture
+def few_cars(small_specification, small_table, tmp_path):
+    """Return the scenario and the assignments of short episodes of a few cars."""
+    path = tmp_path / "few.toml"
+    path.write_text(FEW_CARS)
+    return str(path), (f"table={small_specification}", "simulation.duration=1.0")
+
+
+def all_files(folder):
+    """Return the content of every file of a study that must not depend on how it was driven: all but wall times."""
+    content = {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name != "wall_times.csv"
+    }
+    for name in [name for name in content if name.endswith("summary.json")]:
+        summary = json.loads(content[name])
+        content[name] = {key: value for key, value in summary.items() if key not in MACHINE_DEPENDENT}
+    return content
+
+
+def test_every_file_is_the_same_in_this_process_for_two_workers_killed_and_for_the_one_that_resumes(
+    few_cars, in_this_process, monkeypatch, tmp_path
+):
+    scenario, assignments = few_cars
+    options = {**STUDY, "assignments": assignments}
+    with monkeypatch.context() as patch:
+        patch.setattr(study_module, "LocalWorkers", lambda _: in_this_process)
+        reference = run_study(scenario, folder=tmp_path / "reference", **options)
+    files = all_files(reference.folder)
+    assert {"table.csv", "episodes.parquet", "episodes/op-rss-sw/1/trajectories.parquet"} <= files.keys()
+    assert sum(name.startswith("episodes/") for name in files) == 4 * 5
+
+    # The command line, killed as soon as it has an episode.
+    arguments = [argument for assignment in assignments for argument in ("--set", assignment)]
+    arguments += [argument for stack in STUDY["stacks"] for argument in ("--stack", stack.name)]
+    command = [sys.executable, "-m", "hj_cosim", "study", scenario, "--episodes", "2", "--workers", "2", *arguments]
+    killed = tmp_path / "killed"
+    process = subprocess.Popen([*command, "--out", str(killed)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while process.poll() is None and not list(killed.glob("episodes/*/*/summary.json")):
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    resumed = run_study(scenario, workers=1, folder=killed, resume=True, **options)
+    assert resumed.failures == ()
+    assert all_files(killed) == files
+
+
+@pytest.fixture
+def conduct_in_sumo(few_cars, small_specification, tmp_path):
+    """Return a function that conducts a study of four episodes of a robot that keeps its lane, by one worker."""
+    scenario, assignments = few_cars
+    design = design_study((scenario,), episodes=4, stacks=(Stack("idle", "none"),), assignments=assignments)
+
+    def conduct_it(function, resume=False):
+        folder = StudyFolder(tmp_path / "study", design)
+        folder.prepare(resume=resume)
+        tables = {str(small_specification): table_path(small_specification)}
+        return conduct(
+            folder, LocalWorkers(1), request={"asked": "for"}, program={"hj-cosim": "1.0"}, function=function,
+            table_files=tables,
+        )  # fmt: skip
+
+    return conduct_it
+
+
+def test_failures_of_sumo_are_reported_with_their_logs_and_the_others_go_on(conduct_in_sumo, monkeypatch):
+    """SUMO is one per process and stays broken: the episodes after the unlucky ones must not suffer from it."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    episodes = importlib.import_module("episodes_in_sumo")
+    study = conduct_in_sumo(episodes.drive_while_sumo_breaks)
+    assert {failure.seed: failure.reason for failure in study.failures} == {
+        episodes.SEED_OF_AN_ERROR: "SUMO failed at 0.20 s: nothing goes any more",
+        episodes.SEED_OF_A_CRASH: "the worker process was killed by SIGSEGV",
+    }
+    assert all("SUMO said something last" in failure.log.read_text() for failure in study.failures)
+    assert (list(study.table["episodes"]), list(study.table["missing"])) == ([2], [2])
+    resumed = conduct_in_sumo(drive_episode, resume=True)
+    assert (resumed.failures, list(resumed.table["missing"])) == ((), [0])
