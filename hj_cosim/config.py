@@ -107,6 +107,9 @@ class FilterSettings(Settings):
     kind: Literal["spc", "rss", "none"] = "spc"
     scheme: Literal["mi", "sw"] = "mi"
     epsilon: float = Field(2.0, ge=0, description="m, a car with V <= ε is in K")
+    recovery: float = Field(
+        0.0, ge=0, le=50, description="1/s, κ: below ε V has to rise by κ (ε − V), κ ε at most; the paper has 0"
+    )
     slack_weight: float = Field(10.0, gt=0, description="λ_3; the paper has 1")
     solver: Backend = Field("daqp", description="quadprog may never end where many cars are at one place")
     rss: RssParameters = RssParameters(response_time=0.5, brake_min=4.0, brake_max=8.0)

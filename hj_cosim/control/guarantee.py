@@ -134,6 +134,7 @@ def _game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, 
         weights=np.array([weights.omega, weights.acceleration, weights.slack]),
         slack_is_free=weights.slack_is_free,
         epsilon=spc.epsilon,
+        recovery=spc.recovery,
         step=settings.step,
         other=Disturbance.of(table),
         driver=np.array([0.0, 3.0, 5.0, 1.5, 5.0, 4.0]),  # SPEC section 4's means; the desired speed is each car's own

@@ -3,6 +3,9 @@
 Paper, section HJI Safety Controller. With ∇V = (V_x, V_y, V_θ, V_r, V_o), a row is V_θ ω + V_r a + c_0 >= 0 where
 
     c_0 = min over (θ_o, a_o) of (V_o a_o − V_x v_o cosθ_o − V_y v_o sinθ_o)  +  V_x v_r cosθ_r + V_y v_r sinθ_r.
+
+`recovery`, not in the paper and 0 by default, asks for more than 0: for κ (ε − V), at most κ ε. A table is wrong by
+something everywhere, so that a V which is merely held is lost bit by bit; what is below ε shall come back.
 """
 
 import math
@@ -70,6 +73,15 @@ def worst_drift(gradient: np.ndarray, heading: float, speed: float, other_speed:
 
 
 @njit(cache=True)
+def recovery_rate(value: float, epsilon: float, recovery: float) -> float:
+    """Return how fast V has to rise at the least, κ min(ε − V, ε), m/s.
+
+    Bounded, so that a car with which all is lost does not outweigh the others under the one shared slack.
+    """
+    return recovery * min(epsilon - value, epsilon)
+
+
+@njit(cache=True)
 def hji_rows(
     table: TableArrays,
     robot: np.ndarray,
@@ -78,6 +90,7 @@ def hji_rows(
     heading: np.ndarray,
     speed: np.ndarray,
     epsilon: float,
+    recovery: float,
     other: Disturbance,
 ) -> tuple[np.ndarray, np.ndarray, float, int]:
     """Return the rows of the cars in K, and the least value of all.
@@ -90,6 +103,7 @@ def hji_rows(
         robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
         x, y, heading, speed: (J,) m, m, rad, m/s, of the other cars.
         epsilon: ε, m; −inf for no rows.
+        recovery: κ, 1/s.
         other: limits of the other car's controls.
 
     Returns:
@@ -115,6 +129,7 @@ def hji_rows(
         rows[1, count] = gradient[2]
         rows[2, count] = gradient[3]
         rows[3, count] = worst_drift(gradient, robot[2], robot[3], speed[j], other)
+        rows[3, count] -= recovery_rate(value, epsilon, recovery)
         if not abs(value) + abs(rows[1, count]) + abs(rows[2, count]) + abs(rows[3, count]) <= LARGEST_COEFFICIENT:
             return cars[:0], rows[:, :0], math.nan, -1
         count += 1

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.control.enumeration import least_cost_control
-from hj_cosim.control.hji_rows import Disturbance, worst_drift
+from hj_cosim.control.hji_rows import Disturbance, recovery_rate, worst_drift
 from hj_cosim.control.safety_problem import available_controls
 from hj_cosim.reachability.lookup import TableArrays, shift_of_grid, value_and_gradient_at
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
@@ -31,6 +31,7 @@ class Game(NamedTuple):
     weights: np.ndarray  # (3,) λ
     slack_is_free: bool
     epsilon: float
+    recovery: float
     step: float
     other: Disturbance
     driver: np.ndarray  # (6,) IDM parameters
@@ -133,6 +134,7 @@ def _roll_out(
             if value <= game.epsilon:
                 p[count], q[count] = gradients[j, 2], gradients[j, 3]
                 c[count] = worst_drift(gradients[j], robot[2], robot[3], others[j, 2], game.other)
+                c[count] -= recovery_rate(value, game.epsilon, game.recovery)
                 count += 1
         if sample == samples:
             break

@@ -107,6 +107,7 @@ class _Door:
         self._limits = np.array([-robot.omega_max, robot.omega_max, robot.acceleration_min, robot.acceleration_max])
         self._arrays = table.arrays
         self._disturbance = Disturbance.of(table)
+        self._recovery = 0.0  # κ, 1/s; no filter but SPC has rows of the table
 
     def _within_limits(self, control: Control) -> Control:
         robot = self._robot
@@ -136,6 +137,7 @@ class _Door:
             observation.heading,
             observation.speed,
             epsilon,
+            self._recovery,
             self._disturbance,
         )
         if math.isnan(value):
@@ -230,6 +232,7 @@ class SafetyPreservingFilter(_Intervening):
         super().__init__(settings, robot, table)
         self._bounds = np.array([table.grid.lower[2], table.grid.upper[2], 0.0, robot.speed_max])
         self._step = step
+        self._recovery = settings.recovery
         # Within these, no control leads beyond the bounds in one step, and the limits themselves are available.
         turn = robot.omega_max * step
         self._free_heading = (self._bounds[0] + turn, self._bounds[1] - turn)

@@ -55,7 +55,7 @@ class SafetyRows:
     value: np.ndarray  # (K,) m, that car's V
     p: np.ndarray  # (K,) coefficient of ω; ∂V/∂θ_r for the HJI
     q: np.ndarray  # (K,) coefficient of a; ∂V/∂v_r
-    c: np.ndarray  # (K,) c_0; the drift under the worst disturbance
+    c: np.ndarray  # (K,) c_0; the drift under the worst disturbance, less what the recovery asks for
 
     def __len__(self) -> int:
         return len(self.p)

@@ -81,7 +81,7 @@ def test_filter_step(benchmark, table):
         busy = taken[intervening] if intervening.any() else taken
         lines.append((name, np.median(taken), np.quantile(taken, 0.99), np.median(busy), 100 * intervening.mean()))
     arrays, other = table.arrays, Disturbance.of(table)
-    looked_up = durations(lambda s: hji_rows(arrays, s.robot, s.x, s.y, s.heading, s.speed, 2.0, other), scenes)
+    looked_up = durations(lambda s: hji_rows(arrays, s.robot, s.x, s.y, s.heading, s.speed, 2.0, 0.0, other), scenes)
     p, q, c = np.array([3.0, -8.0]), np.array([-2.0, 5.0]), np.array([-4.0, 2.0])
     weights, box = np.array([11.1, 0.0625, 10.0]), np.array([-0.3, 0.3, -6.0, 4.0])
     enumerated = durations(lambda _: least_cost_control(p, q, c, 0.01, 1.0, weights, False, box), scenes)

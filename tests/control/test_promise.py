@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hj_cosim.config import FilterSettings, RobotSettings
+from hj_cosim.control.hji_rows import recovery_rate
 from hj_cosim.control.promise import promise_kept, promised_rate, realised_value_rates
 from hj_cosim.control.safety_filter import make_filter
 from hj_cosim.vehicles.observation import Control
@@ -42,3 +43,19 @@ def test_nothing_is_promised_where_k_is_empty_or_the_rows_cannot_be_met(linear_t
         assert promise_kept(linear_table.arrays, result, seen, seen, 0.1) is None
     assert promised_rate(spc.filter(far, Control(0.0, 1.0))) == math.inf
     assert not spc.filter(near, Control(0.0, 1.0)).meetable
+
+
+def test_with_a_recovery_v_below_epsilon_rises_and_at_epsilon_it_holds(linear_table, observe):
+    # V = −p_x − 2 v_r + v_o − 20: 1 m with the car at 45 m, 2 m with it at 46 m
+    for ahead, rate in ((45.0, 3.0 * (2.0 - 1.0)), (46.0, 0.0)):
+        seen = observe([0.0, 4.0, 0.0, 24.0], [[ahead, 4.0, 0.0, 24.0]], 1.0)
+        result = make_filter(FilterSettings(recovery=3.0), ROBOT, linear_table, 0.02).filter(seen, Control(0.0, 1.0))
+        gradient = np.array([-1.0, 0.0, 0.0, -2.0, 1.0])
+        worst = -6.0 - 24.0 + 24.0 * math.cos(0.1)  # it brakes, and drives as far across as it can
+        realised = worst + gradient[3] * result.control.acceleration
+        assert result.value == pytest.approx(ahead - 44.0, abs=1e-3)
+        assert realised == pytest.approx(rate, abs=1e-3)
+
+
+def test_one_lost_car_asks_for_no_more_recovery_than_one_at_the_edge_of_the_target_set():
+    assert recovery_rate(-50.0, 2.0, 3.0) == recovery_rate(0.0, 2.0, 3.0) == 6.0
