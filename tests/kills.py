@@ -29,7 +29,7 @@ from hj_cosim.files import UNFINISHED
 from hj_cosim.reachability.value_table import ValueTable
 
 A_FEW_CARS = "[traffic]\ncount = 6\ncount_behind = 2\n"
-WATCHING = 0.0005  # s between two looks at a folder
+WATCHING = 0.0002  # s between two looks at a folder
 
 _fork = multiprocessing.get_context("forkserver")
 
@@ -136,11 +136,11 @@ def kill(victim: Victim, moment: float, *, while_writing: bool) -> bool:
     Args:
         victim: what to start.
         moment: s after its start, or after something unfinished has been seen.
-        while_writing: wait until something unfinished lies beside its place.
+        while_writing: wait until something unfinished with a content lies beside its place.
     """
     process = start(victim)
     itself = psutil.Process(process.pid)
-    while while_writing and process.is_alive() and not _unfinished(victim.folder):
+    while while_writing and process.is_alive() and not _has_begun_to_write(victim.folder):
         time.sleep(WATCHING)
     process.join(timeout=moment)
     workers = []
@@ -156,6 +156,12 @@ def kill(victim: Victim, moment: float, *, while_writing: bool) -> bool:
 
 def _unfinished(folder: Path) -> list[Path]:
     return [path for path in folder.rglob(f".*{UNFINISHED}*") if UNFINISHED not in path.parent.as_posix()]
+
+
+def _has_begun_to_write(folder: Path) -> bool:
+    with contextlib.suppress(OSError):  # finished while it was being looked at
+        return any(any(path.iterdir()) if path.is_dir() else path.stat().st_size for path in _unfinished(folder))
+    return False
 
 
 def left_behind(victim: Victim) -> list[Path]:

@@ -29,7 +29,7 @@ from hj_cosim.analysis.run_bounds import (
 )
 from hj_cosim.config import EpisodeConfig, read_toml, validate
 from hj_cosim.errors import ConfigurationError, HjCosimError, RunFolderError
-from hj_cosim.files import naming_the_place, require_writable, temporary_folder
+from hj_cosim.files import naming_the_place, remove_abandoned, require_writable, temporary_folder
 from hj_cosim.vehicles.road import Road
 
 CONFIG = "config.toml"
@@ -72,6 +72,8 @@ def require_free_folder(folder: Path) -> None:
     Raises:
         RunFolderError: if it is a file, a folder that already holds something, or where one may not write.
     """
+    if folder.is_dir():
+        remove_abandoned(folder)  # a study that was killed over its first file left nothing else
     if folder.is_dir() and any(folder.iterdir()):
         what = "already holds a run" if (folder / SUMMARY).exists() else "is not empty"
         raise RunFolderError(f"{folder} {what}; choose another --out, or remove it")

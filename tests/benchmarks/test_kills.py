@@ -6,20 +6,36 @@ next call is the one that has to work: so what is left would add up, if it did.
 """
 
 import random
+import tomllib
 from collections import Counter
 from pathlib import Path
 
 import kills
 import pytest
+import tomli_w
 
-SOON = 0.05  # s, within which one that has begun to write is killed
+SOON = (
+    -4.0,
+    -1.3,
+)  # 10 to these powers are the s after which one that has begun to write is killed:
+
+
+@pytest.fixture
+def large_specification(small_specification: Path, tmp_path: Path) -> Path:
+    """Return a table of 26 MB, which takes long to write beside what it takes to solve."""
+    path = tmp_path / "large.toml"
+    large = tomllib.loads(small_specification.read_text())
+    large["horizon"], large["grid"]["shape"] = 0.05, [61, 25, 17, 17, 15]
+    path.write_text(tomli_w.dumps(large))
+    return path
 
 
 @pytest.mark.parametrize(("make", "count"), [(kills.a_run, 40), (kills.a_solve, 40), (kills.a_study, 20)])
 def test_kills_leave_whole_files_or_none_and_the_next_call_works(
-    make, count, small_specification, small_table, tmp_path
+    make, count, small_specification, large_specification, small_table, tmp_path
 ):
-    victim: kills.Victim = make(tmp_path / "victim", small_specification)
+    specification = large_specification if make is kills.a_solve else small_specification
+    victim: kills.Victim = make(tmp_path / "victim", specification)
     kills.seconds_of(victim)  # loads or compiles every kernel
     seconds = kills.seconds_of(victim)
     assert kills.next_call(victim) == "done anew"
@@ -30,7 +46,7 @@ def test_kills_leave_whole_files_or_none_and_the_next_call_works(
     print(f"\n{victim.name}: {seconds:.2f} s undisturbed, {count} kills")
     for number in range(count):
         while_writing = number % 2 == 1
-        moment = moments.uniform(0.0, SOON if while_writing else 1.05 * seconds)
+        moment = 10.0 ** moments.uniform(*SOON) if while_writing else moments.uniform(0.0, 1.05 * seconds)
         was_at_work = kills.kill(victim, moment, while_writing=while_writing)
         unfinished, content = kills.left_behind(victim), kills.read_all(victim)
         assert all(whole[name] == content[name] for name in content if _is_final(name))
@@ -39,7 +55,7 @@ def test_kills_leave_whole_files_or_none_and_the_next_call_works(
         outcome = f"{len(unfinished)} unfinished, then {after}" if was_at_work else f"had ended, then {after}"
         outcomes[outcome] += 1
         where = "after it began to write" if while_writing else "after its start"
-        print(f"  {moment:6.3f} s {where}: {len(places)} files, {outcome}")
+        print(f"  {moment:7.4f} s {where}: {len(places)} files, {outcome}")
         content = kills.read_all(victim)
         pictures = {name for name in whole if name.endswith(".png")} if after.startswith("was whole") else set()
         assert content.keys() >= whole.keys() - pictures

@@ -153,6 +153,13 @@ def test_a_study_that_was_killed_is_resumed_and_ends_the_same(
     assert reports[-1] == (8, 8)
 
 
+def test_a_study_that_was_killed_over_its_first_file_can_be_begun_again(conduct_synthetic, tmp_path):
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study" / f".study{UNFINISHED}killed.toml").write_text("episodes = ")
+    assert conduct_synthetic("study").failures == ()
+    assert not list((tmp_path / "study").glob(".*"))
+
+
 def test_a_failed_episode_is_reported_counted_as_missing_and_driven_again_on_resume(
     conduct_synthetic, reproducible_files, synthetic
 ):
