@@ -207,6 +207,10 @@ def value_and_gradient_at(
     if not table.has_target:
         return -deficit
     target, by_x, by_y, by_theta, by_r, by_o = _target_and_gradient(table, p_x, p_y, theta, v_r, v_o)
+    if deficit == 0.0:  # then W, which is nowhere negative, is 0 all around
+        gradient_out[0], gradient_out[1], gradient_out[2] = by_x, by_y, by_theta
+        gradient_out[3], gradient_out[4] = by_r, by_o
+        return target
     scaled_target = scaled(target)
     scaled_value = scaled_target - deficit
     # ∇V = dV/ds (∇V0 / (dV0/ds) − ∇W)
@@ -217,7 +221,7 @@ def value_and_gradient_at(
     gradient_out[2] = share_of_target * by_theta + steep * gradient_out[2]
     gradient_out[3] = share_of_target * by_r + steep * gradient_out[3]
     gradient_out[4] = share_of_target * by_o + steep * gradient_out[4]
-    return unscaled(scaled_value) if deficit > 0.0 else target
+    return unscaled(scaled_value)
 
 
 @njit(cache=True)

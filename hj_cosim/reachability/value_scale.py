@@ -13,12 +13,28 @@ from numba import njit
 
 SOFTENING = 0.5  # c, m of lateral gap
 _CUBED = SOFTENING**3
+_THIRD_OF_BIAS = 0x2A9F7893782DA1CE  # two thirds of the exponent's bias, less what makes the error even
+
+
+@njit(cache=True)
+def cube_root(number: float) -> float:
+    """Return ∛x of a positive normal x, to 1e-14 of it.
+
+    Look-ups take one for every car, and the C library's takes three times as long. A third of the exponent's bits is a
+    root to 3 % (Kahan's trick), and Halley's step cubes the error.
+    """
+    bits = np.float64(number).view(np.int64)
+    root = np.int64(bits // 3 + _THIRD_OF_BIAS).view(np.float64)
+    for _ in range(2):
+        cube = root * root * root
+        root *= (cube + 2.0 * number) / (2.0 * cube + number)
+    return root
 
 
 @njit(cache=True)
 def scaled(value: float) -> float:
     """Return s(V); odd and increasing."""
-    return math.copysign(np.cbrt(0.25 * abs(value) + _CUBED) - SOFTENING, value)
+    return math.copysign(cube_root(0.25 * abs(value) + _CUBED) - SOFTENING, value)
 
 
 @njit(cache=True)
