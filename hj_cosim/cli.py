@@ -307,6 +307,7 @@ def table_check(
 ) -> None:
     """Measure how good a table is: converged, near finer ones, and keeping its promise in closed loop."""
     from hj_cosim.control.guarantee import RolloutSettings, measure_guarantee
+    from hj_cosim.quality_report import quality_tables
     from hj_cosim.reachability.quality import check_table
     from hj_cosim.reachability.value_table import load_table
 
@@ -321,8 +322,8 @@ def table_check(
     if as_json:
         print_json(found)
     else:
-        for title, facts in found.items():
-            results.print(plain_table(f"{specification}: {title}", ("what", "value"), list(facts.items())))
+        for table_to_print in quality_tables(specification, found):
+            results.print(table_to_print)
 
 
 _TYPER_INTERRUPTED = 130  # the status with which Typer answers Ctrl-C, without a word

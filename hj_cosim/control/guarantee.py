@@ -15,9 +15,9 @@ Of 100,000 rollouts with the default table and ε = 2, 16 % enter and 6 % collid
 car closes in from behind it is 36 %, elsewhere 5 %: V comes from the corner of V(0, ·) where staying ahead and getting
 out of the way are worth the same, and a grid makes it too high there by metres.
 
-What changes that, of 3,000 rollouts each: SW 9 % enter; `recovery` 3/s 11 %; ε = 8 m 6 %, with that recovery 3 %. A grid
-along p_x instead of along the braking distances: 40 %. A horizon of 8 s instead of 3: 16 %. Of the grid for 5 s (16 %),
-one axis made 1.5 times finer: p_x 16 %, p_y 16 %, heading 19 %, speeds 16 %. So it is not for want of nodes.
+What changes that, of 3,000 rollouts each: SW 9 % enter; `recovery` 3/s 11 %; ε = 8 m 6 %, with that recovery 3 %. A
+grid along p_x instead of along the braking distances: 40 %. A horizon of 8 s instead of 3: 16 %. Of the grid for 5 s
+(16 %), one axis made 1.5 times finer: p_x 16 %, p_y 16 %, heading 19 %, speeds 16 %. So it is not for want of nodes.
 """
 
 import math
