@@ -43,8 +43,8 @@ def test_meetable_rows_left_unmet(weight: float) -> None:
         in_k, meetable, unmet = in_k + counting.in_k, meetable + counting.meetable, unmet + counting.left_unmet
         collided += bool(record.threats.collision.any())
     print(
-        f"\nλ_3 = {weight:g}: {len(SEEDS)} episodes of dense, {in_k} samples in K, rows"
-        f" meetable in {meetable}, left unmet in {unmet} of these ({unmet / max(meetable, 1):.2%}), {collided} collisions"
+        f"\nλ_3 = {weight:g}: {len(SEEDS)} episodes of dense, {in_k} samples in K, rows meetable in {meetable},"
+        f" left unmet in {unmet} of these ({unmet / max(meetable, 1):.2%}), {collided} collisions"
     )
     assert in_k > 1000
     assert unmet == 0 or weight < 10.0
