@@ -27,7 +27,8 @@ RUNS: Mapping[str, Mapping[str, Any]] = {
     "light, HJOP + None": {"scenario": "light", "planner": "hjop", "filter": "none", "seed": 3},
 }
 DURATION = 4.0  # s
-MACHINE_DEPENDENT = ("wall_seconds", "real_time_factor")
+# An older daqp fails now and then where a newer one does not; the next backend gives the same control.
+MACHINE_DEPENDENT = ("wall_seconds", "real_time_factor", "solver_failures")
 
 
 def numbers_of(name: str, specification: Path) -> dict[str, Any]:
