@@ -8,9 +8,9 @@ import dataclasses
 
 import pytest
 
-from hj_cosim.config import FilterSettings
+from hj_cosim.config import FilterSettings, GridSettings, TableSpecification
 from hj_cosim.control.guarantee import GuaranteeReport, RolloutSettings, measure_guarantee
-from hj_cosim.reachability.value_table import ValueTable, load_table
+from hj_cosim.reachability.value_table import ValueTable, load_table, solve_table
 
 MANY = RolloutSettings(rollouts=100_000)
 FEWER = dataclasses.replace(MANY, rollouts=10_000)
@@ -19,6 +19,14 @@ FEWER = dataclasses.replace(MANY, rollouts=10_000)
 @pytest.fixture(scope="module")
 def table() -> ValueTable:
     return load_table("highway")
+
+
+def along_p_x(table: ValueTable) -> TableSpecification:
+    """Return the default table's specification on a grid without shear, of about as many nodes."""
+    grid = GridSettings(
+        lower=(-165.0, *table.grid.lower[1:]), upper=(255.0, *table.grid.upper[1:]), shape=(85, *table.grid.shape[1:])
+    )
+    return table.specification.model_copy(update={"grid": grid, "parameters": {}})
 
 
 def describe(name: str, report: GuaranteeReport) -> str:
@@ -49,6 +57,7 @@ def test_guarantee(benchmark, table):
     }
     reports = {name: measure_guarantee(table, settings) for name, settings in cases.items()}
     reports |= {name: measure_guarantee(table, MANY, settings) for name, settings in filters.items()}
+    reports["grid along p_x"] = measure_guarantee(solve_table(along_p_x(table)), FEWER)
     benchmark.pedantic(
         measure_guarantee, args=(table, dataclasses.replace(MANY, rollouts=1000)), rounds=3, iterations=1
     )

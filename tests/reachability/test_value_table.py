@@ -265,3 +265,14 @@ def test_a_state_many_turns_away_is_looked_up_within_the_table() -> None:
     values, gradients = table.value_and_gradient(np.column_stack([np.ones_like(turns), np.ones_like(turns), turns]))
     assert np.abs(values).max() <= np.abs(table.values).max()
     assert np.isfinite(gradients).all()
+
+
+def test_the_extent_along_a_variable_ends_where_the_grid_does(sheared_table: ValueTable) -> None:
+    held = np.array([0.0, 1.0, 0.1, 10.0, 20.0])
+    first, last = sheared_table.extent(0, held)
+    assert (first, last) == pytest.approx((-160.0 + 25.0, 160.0 + 25.0))  # (20² − 10²) / 12 = 25 m ahead
+    for place, inside in ((first - 0.1, False), (first + 0.1, True), (last - 0.1, True), (last + 0.1, False)):
+        state = np.array([[place, *held[1:]]])
+        assert sheared_table.in_grid(state)[0] == inside
+        assert np.isfinite(sheared_table.value(state)[0]) == inside
+    assert sheared_table.extent(1, held) == pytest.approx((-8.0, 8.0))
