@@ -306,6 +306,7 @@ def table_check(
     as_json: Json = False,
 ) -> None:
     """Measure how good a table is: converged, near finer ones, and keeping its promise in closed loop."""
+    from hj_cosim.config import FilterSettings
     from hj_cosim.control.guarantee import RolloutSettings, measure_guarantee
     from hj_cosim.quality_report import quality_tables
     from hj_cosim.reachability.quality import check_table
@@ -316,9 +317,15 @@ def table_check(
         quality = check_table(table, rollouts=rollouts, seconds=seconds, progress=bar(bars, "solving finer tables"))
     found: dict[str, Any] = {"table": asdict(quality)}
     if table.dynamics.name == "highway":  # the safety filter drives in no other game
-        for model in ("game", "bicycle"):
-            guarantee = measure_guarantee(table, RolloutSettings(rollouts=rollouts, model=model))
-            found[f"filter, {model}"] = {**asdict(guarantee), "entered_percent": guarantee.entered_percent}
+        games = {
+            "game": (RolloutSettings(rollouts=rollouts), FilterSettings(keep_escape=True)),
+            "bicycle": (RolloutSettings(rollouts=rollouts, model="bicycle"), FilterSettings(keep_escape=True)),
+            "game, SPC alone": (RolloutSettings(rollouts=rollouts), FilterSettings(keep_escape=False)),
+        }
+        with progress_bars() as bars:
+            for name, (settings, spc) in games.items():
+                guarantee = measure_guarantee(table, settings, spc, progress=bar(bars, f"playing: {name}"))
+                found[f"filter, {name}"] = {**asdict(guarantee), "entered_percent": guarantee.entered_percent}
     if as_json:
         print_json(found)
     else:

@@ -111,6 +111,10 @@ class FilterSettings(Settings):
         0.0, ge=0, le=50, description="1/s, κ: below ε V has to rise by κ (ε − V), κ ε at most; the paper has 0"
     )
     slack_weight: float = Field(10.0, gt=0, description="λ_3; the paper has 1")
+    keep_escape: bool = Field(
+        False,
+        description="SPC's control gives way to an escaping manoeuvre where it would leave none; not in the paper",
+    )
     solver: Backend = Field("daqp", description="quadprog may never end where many cars are at one place")
     rss: RssParameters = RssParameters(response_time=0.5, brake_min=4.0, brake_max=8.0)
 
@@ -263,6 +267,9 @@ class TableSpecification(Settings):
     clamp: bool = Field(True, description="keep values within [min V0, V0], as the exact solution does")
     state_limits: bool = Field(True, description="an input that would leave the grid is not available")
     margin: float = Field(0.0, ge=0, description="subtracted from the solved values, to err on the safe side")
+    capped_by_manoeuvres: bool = Field(
+        False, description="highway game: no value is above what the best of some manoeuvres guarantees"
+    )
     parameters: dict[str, float] = Field(default_factory=dict, description="of the dynamics, over their defaults")
 
 
@@ -300,7 +307,7 @@ class EpisodeConfig(Settings):
 
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
-    "best": {},
+    "best": {"filter": {"keep_escape": True}},
     "paper": {
         "table": "highway_paper",
         "planner": {"expansions": 40, "value_clip": 5.0, "speed_floor": 15.0},

@@ -36,11 +36,16 @@ _SUMMARY_ROWS = (
     ("not_judged_samples", "samples that the filter could not judge", "", "d"),
     ("desired_not_finite_samples", "samples with no finite control to filter", "", "d"),
     ("solver_failures", "failures of the filter's solver, answered by another", "", "d"),
+    ("escape_samples", "samples driven by a manoeuvre that escapes", "", "d"),
+    ("no_escape_samples", "samples with no escape from the worst of all cars", "", "d"),
     ("wall_seconds", "wall time", "s", ".2f"),
     ("real_time_factor", "faster than real time", "x", ".1f"),
 )
 # What should not happen is shown only where it did.
-_FAULTS = ("not_judged_samples", "desired_not_finite_samples", "solver_failures")
+_FAULTS = (
+    *("not_judged_samples", "desired_not_finite_samples", "solver_failures"),
+    *("escape_samples", "no_escape_samples"),
+)
 
 
 class WarningCount(logging.Handler):

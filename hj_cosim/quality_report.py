@@ -10,6 +10,7 @@ from hj_cosim.console import plain_table
 _QUALITY = (
     ("residual", "largest |dV/dt| in the solve's last step, 0 when settled (m/s)", "{:.2f}"),
     ("unsafe_share", "of the nodes have V <= 0", "{:.2%}"),
+    ("no_escape_share", "of all states have V > 0, and no manoeuvre escapes", "{:.3%}"),
     ("rollouts", "games over the horizon from |V| <= 1", "{}"),
     ("broken_share", "of them fell below the promised V by more than the tolerance", "{:.2%}"),
     ("tolerance", "the tolerance (m)", "{:g}"),
@@ -19,6 +20,7 @@ _QUALITY = (
 )
 _GUARANTEE = (
     ("rollouts", "games of 10 s from just above ε", "{}"),
+    ("without_escape", "no manoeuvre escapes from the start", "{}"),
     ("entered_percent", "entered the target set (%)", "{:.3f}"),
     ("collided", "collided", "{}"),
     ("fall_median", "median fall of V below ε (m)", "{:.2f}"),
@@ -35,7 +37,7 @@ def quality_tables(name: str, found: Mapping[str, Any]) -> Iterator[Table]:
         found: "table": a TableQuality's fields; "filter, MODEL": a GuaranteeReport's, for each model of the robot.
     """
     quality = found["table"]
-    rows = [(what, form.format(quality[key])) for key, what, form in _QUALITY]
+    rows = [(what, form.format(quality[key])) for key, what, form in _QUALITY if quality[key] is not None]
     rows += [(f"unsafe nodes on the face {face}", f"{share:.2%}") for face, share in quality["unsafe_on_faces"].items()]
     yield plain_table(f"{name}: the table", ("value", "what"), [(value, what) for what, value in rows])
     if quality["refinements"]:

@@ -2,8 +2,9 @@
 
 The robot is filtered by SPC, the other cars play the disturbance that lowers V most, and everything starts just above
 ε. In continuous time, with the exact infinite-horizon V, no rollout could end in the target set. What is lost on the
-way has four causes, and every rollout that enters the target set is put down to one of them:
+way has five causes, and every rollout that enters the target set is put down to one of them:
 
+- no escape: from the very start no manoeuvre escapes from all cars, though V is above ε;
 - interpolation: V as looked up is above 0 where the formula V(0, ·) is not, which the formula's part in a look-up
   leaves to rounding;
 - grid edge: a car came into the table from beyond its edge with V <= 0 already;
@@ -11,13 +12,7 @@ way has four causes, and every rollout that enters the target set is put down to
   or the horizon is too short), so that the loss ∫ t dt is at least half of the fall;
 - time step: V fell although the rows were met, for the control is held for a step while the gradient changes.
 
-Of 100,000 rollouts with the default table and ε = 2, 16 % enter and 6 % collide, 98 % of them for rows unmet. Where a
-car closes in from behind it is 36 %, elsewhere 5 %: V comes from the corner of V(0, ·) where staying ahead and getting
-out of the way are worth the same, and a grid makes it too high there by metres.
-
-What changes that, of 3,000 rollouts each: SW 9 % enter; `recovery` 3/s 11 %; ε = 8 m 6 %, with that recovery 3 %. A
-grid along p_x instead of along the braking distances: 40 %. A horizon of 8 s instead of 3: 16 %. Of the grid for 5 s
-(16 %), one axis made 1.5 times finer: p_x 16 %, p_y 16 %, heading 19 %, speeds 16 %. So it is not for want of nodes.
+FIGURES
 """
 
 import math
@@ -29,17 +24,20 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from hj_cosim.config import FilterSettings, RobotSettings, TrackingSettings
+from hj_cosim.control.escape import can_escape, manoeuvres_for
 from hj_cosim.control.hji_rows import Disturbance
 from hj_cosim.control.rollouts import COLLIDE, CRUISE, RANDOM, RANDOM_HOLD, Game, roll_out_all
 from hj_cosim.control.safety_problem import SafetyWeights
 from hj_cosim.errors import ConfigurationError
+from hj_cosim.reachability.manoeuvres import NO_MANOEUVRES
+from hj_cosim.reachability.solver import Progress
 from hj_cosim.reachability.value_table import ValueTable
 
 Desire = Literal["cruise", "random", "collide"]
 Model = Literal["game", "bicycle"]
 Others = Literal["adversary", "driver"]
 
-CAUSES = ("interpolation", "grid edge", "unmet rows", "time step")
+CAUSES = ("no escape", "interpolation", "grid edge", "unmet rows", "time step")
 
 _DESIRES: Mapping[Desire, int] = {"cruise": CRUISE, "random": RANDOM, "collide": COLLIDE}
 _CHUNK = 1000  # rollouts simulated before their trajectories are judged; bounds the memory
@@ -70,6 +68,7 @@ class GuaranteeReport:
     settings: RolloutSettings
     epsilon: float  # m
     rollouts: int  # that could be started
+    without_escape: int  # of them, those from whose start no manoeuvre escapes from all cars; 0 of an unknown game
     entered: int  # rollouts that entered the target set, V(0, ·) <= 0
     collided: int  # rollouts in which bodies overlapped, the robot's turned by its heading
     collided_unturned: int  # those in which they overlap with both along the road, as the target set takes them
@@ -92,6 +91,7 @@ def measure_guarantee(
     filter_settings: FilterSettings | None = None,
     robot: RobotSettings | None = None,
     workers: int = 2,
+    progress: Progress | None = None,
 ) -> GuaranteeReport:
     """Roll out and report how well SPC keeps its promise.
 
@@ -101,6 +101,7 @@ def measure_guarantee(
         filter_settings: ε, scheme and λ_3; the defaults unless given. The problem is solved by enumeration.
         robot: its body and limits; the default unless given.
         workers: threads.
+        progress: called with the parts played and the parts in all, after each of them.
 
     Raises:
         ConfigurationError: if the table has no state with V just above ε.
@@ -112,15 +113,23 @@ def measure_guarantee(
     generator = np.random.default_rng(settings.seed)
     robots, others = _starts(table, game, settings, generator)
     holds = math.ceil(settings.duration / settings.step / RANDOM_HOLD)
+    if table.is_highway:
+        escapes = can_escape(manoeuvres_for(table, robot), robots, others)
+    else:
+        escapes = np.ones(len(robots), bool)
     random = generator.uniform(game.limits[::2], game.limits[1::2], (len(robots), holds, 2))
     chunks = [slice(first, first + _CHUNK) for first in range(0, len(robots), _CHUNK)]
 
     def judged(chunk: slice) -> _Judged:
-        return _simulate_and_judge(table, game, settings, robots[chunk], others[chunk], random[chunk])
+        return _simulate_and_judge(table, game, settings, robots[chunk], others[chunk], random[chunk], escapes[chunk])
 
     with ThreadPoolExecutor(workers) as threads:
-        parts = list(threads.map(judged, chunks))
-    return _report(settings, filter_settings.epsilon, parts)
+        parts = []
+        for part in threads.map(judged, chunks):
+            parts.append(part)
+            if progress is not None:
+                progress(len(parts), len(chunks))
+    return _report(settings, filter_settings.epsilon, int((~escapes).sum()), parts)
 
 
 def _game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, robot: RobotSettings) -> Game:
@@ -137,6 +146,7 @@ def _game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, 
         recovery=spc.recovery,
         step=settings.step,
         other=Disturbance.of(table),
+        manoeuvres=manoeuvres_for(table, robot) if spc.keep_escape else NO_MANOEUVRES,
         driver=np.array([0.0, 3.0, 5.0, 1.5, 5.0, 4.0]),  # SPEC section 4's means; the desired speed is each car's own
         k_theta=TrackingSettings().k_theta,
         wheelbase=robot.wheelbase,
@@ -197,6 +207,7 @@ def _simulate_and_judge(
     robots: np.ndarray,
     others: np.ndarray,
     random: np.ndarray,
+    escapes: np.ndarray,
 ) -> _Judged:
     count, samples = len(robots), round(settings.duration / settings.step)
     states = np.empty((count, samples + 1, settings.cars, 5), np.float32)
@@ -220,7 +231,7 @@ def _simulate_and_judge(
     causes = []
     for i in np.nonzero(inside.any(axis=(1, 2)))[0]:
         car = int(np.argmax(inside[i, np.argmax(inside[i].any(axis=1))]))  # the first to be in the target set
-        causes.append(_cause(values[i, :, car], target[i, :, car], slack[i], game))
+        causes.append(_cause(values[i, :, car], target[i, :, car], slack[i], game) if escapes[i] else 0)
     in_k = np.isfinite(slack)
     return _Judged(
         fall=np.maximum(game.epsilon - values.min(axis=(1, 2)), 0.0),
@@ -250,7 +261,7 @@ def _bodies_overlap(states: np.ndarray, game: Game) -> np.ndarray:
 
 
 def _cause(value: np.ndarray, target: np.ndarray, slack: np.ndarray, game: Game) -> int:
-    """Return why a pair entered the target set, an index into CAUSES.
+    """Return why a pair entered the target set from whose start there was an escape, an index into CAUSES.
 
     Args:
         value, target: (samples + 1,) V and V(0, ·) of the pair.
@@ -259,17 +270,17 @@ def _cause(value: np.ndarray, target: np.ndarray, slack: np.ndarray, game: Game)
     """
     entry = int(np.argmax(target <= 0.0))
     if value[entry] > 0.0:
-        return 0
+        return 1
     above = np.nonzero(value[: entry + 1] > game.epsilon)[0]
     first = int(above[-1]) + 1 if len(above) else 0  # since when the pair has been in K
     if first > 0 and np.isinf(value[first - 1]) and value[first] <= 0.0:
-        return 1
+        return 2
     unmet = float(np.nansum(np.maximum(slack[first:entry], 0.0))) * game.step
     fallen = game.epsilon - float(value[entry])
-    return 2 if unmet >= 0.5 * fallen else 3
+    return 3 if unmet >= 0.5 * fallen else 4
 
 
-def _report(settings: RolloutSettings, epsilon: float, parts: list[_Judged]) -> GuaranteeReport:
+def _report(settings: RolloutSettings, epsilon: float, without_escape: int, parts: list[_Judged]) -> GuaranteeReport:
     fall = np.concatenate([part.fall for part in parts])
     causes = np.concatenate([part.causes for part in parts])
     in_k = sum(part.in_k for part in parts)
@@ -277,6 +288,7 @@ def _report(settings: RolloutSettings, epsilon: float, parts: list[_Judged]) -> 
         settings=settings,
         epsilon=epsilon,
         rollouts=len(fall),
+        without_escape=without_escape,
         entered=len(causes),
         collided=sum(part.collided for part in parts),
         collided_unturned=sum(part.collided_unturned for part in parts),

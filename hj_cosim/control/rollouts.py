@@ -11,9 +11,11 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.control.enumeration import least_cost_control
+from hj_cosim.control.escape import FARTHEST, keep_escape
 from hj_cosim.control.hji_rows import Disturbance, recovery_rate, worst_drift
 from hj_cosim.control.safety_problem import available_controls
 from hj_cosim.reachability.lookup import TableArrays, shift_of_grid, value_and_gradient_at
+from hj_cosim.reachability.manoeuvres import Manoeuvres
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 from hj_cosim.vehicles.idm import idm_acceleration
 
@@ -34,6 +36,7 @@ class Game(NamedTuple):
     recovery: float
     step: float
     other: Disturbance
+    manoeuvres: Manoeuvres  # that one is to remain of, or NO_MANOEUVRES
     driver: np.ndarray  # (6,) IDM parameters
     k_theta: float
     wheelbase: float
@@ -117,11 +120,12 @@ def _roll_out(
     cars, samples = others.shape[0], slack.shape[0]
     gradients = np.empty((cars, 5))
     p, q, c = np.empty(cars), np.empty(cars), np.empty(cars)
+    looked_at, in_k = np.empty(cars, np.int64), np.empty(cars, np.bool_)
     relative, steepest = np.empty(5), np.zeros(2)
     cruising = others[:, 2].copy()
     previous_omega = 0.0
     for sample in range(samples + 1):
-        count, least = 0, math.inf
+        count, near, least = 0, 0, math.inf
         for j in range(cars):
             relative[0], relative[1] = robot[0] - others[j, 0], robot[1] - others[j, 1]
             relative[2], relative[3], relative[4] = robot[2], robot[3], others[j, 2]
@@ -131,7 +135,11 @@ def _roll_out(
             if j == 0 or value < least:
                 least = value
                 steepest[0], steepest[1] = gradients[j, 2], gradients[j, 3]
-            if value <= game.epsilon:
+            in_k[j] = value <= game.epsilon
+            if value <= FARTHEST:
+                looked_at[near] = j
+                near += 1
+            if in_k[j]:
                 p[count], q[count] = gradients[j, 2], gradients[j, 3]
                 c[count] = worst_drift(gradients[j], robot[2], robot[3], others[j, 2], game.other)
                 c[count] -= recovery_rate(value, game.epsilon, game.recovery)
@@ -146,6 +154,13 @@ def _roll_out(
             omega, acceleration, slack[sample] = least_cost_control(
                 p[:count], q[:count], c[:count], wanted, acceleration, game.weights, game.slack_is_free, box
             )
+        if near > 0 and len(game.manoeuvres.heading) > 0:
+            among = looked_at[:near]
+            omega, acceleration, _ = keep_escape(
+                game.manoeuvres, robot, others[among], in_k[among], omega, acceleration, game.step
+            )
+            omega = min(max(omega, box[0]), box[1])
+            acceleration = min(max(acceleration, box[2]), box[3])
         previous_omega = omega
         for j in range(cars):
             if adversarial:

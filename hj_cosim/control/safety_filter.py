@@ -9,15 +9,17 @@ instead. Both are counted, and summary.json tells.
 import math
 from abc import ABC, abstractmethod
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from hj_cosim.config import FilterSettings, RobotSettings
+from hj_cosim.control.escape import ESCAPING, NO_ESCAPE, cars_to_look_at, keep_escape, manoeuvres_for
 from hj_cosim.control.hji_rows import Disturbance, hji_rows
 from hj_cosim.control.rss_rows import NEVER_SEEN, Response, rss_rows
 from hj_cosim.control.safety_problem import SafetyRows, SafetySolver, available_controls, least_slack
+from hj_cosim.reachability.manoeuvres import NO_MANOEUVRES
 from hj_cosim.reachability.value_table import ValueTable
 from hj_cosim.vehicles.observation import Control, Observation
 
@@ -25,6 +27,8 @@ NOBODY = -1
 # What filters count, beside the backends that failed.
 NOT_JUDGED = "could not judge"
 DESIRED_NOT_FINITE = "desired not finite"
+ESCAPED = "escaped"  # the control gave way to a manoeuvre
+HAD_NO_ESCAPE = "had no escape"
 # A row is met, and rows can be met together, when the slack is below this (m/s for the HJI, m/s² for RSS).
 SLACK_TOLERANCE = 1e-6
 # s, in which a robot that cannot judge turns to the road's direction.
@@ -48,6 +52,7 @@ class FilterResult:
     rows: SafetyRows
     available: np.ndarray  # (4,) lower and upper ω, lower and upper a that the rows were to be met within
     backend: str  # what solved the problem; empty without rows or when the filter could not judge
+    escaping: bool = False  # the control is a manoeuvre's, because the problem's would have left no escape
 
     @property
     def meetable(self) -> bool:
@@ -189,8 +194,13 @@ class _Intervening(_Door, ABC):
         wanted = self._wanted(observation, desired)
         rows, constraints = found
         if constraints == 0:
-            return self._unfiltered(wanted, sight)
-        return self._solve(rows, constraints, wanted, self._available(observation.robot), sight)
+            return self._escaping(observation, self._unfiltered(wanted, sight))
+        result = self._solve(rows, constraints, wanted, self._available(observation.robot), sight)
+        return self._escaping(observation, result)
+
+    def _escaping(self, observation: Observation, result: FilterResult) -> FilterResult:
+        """Return the result, or one whose control is a manoeuvre's where the result's would leave no escape."""
+        return result
 
     @abstractmethod
     def _epsilon(self) -> float:
@@ -233,6 +243,7 @@ class SafetyPreservingFilter(_Intervening):
         self._bounds = np.array([table.grid.lower[2], table.grid.upper[2], 0.0, robot.speed_max])
         self._step = step
         self._recovery = settings.recovery
+        self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
         # Within these, no control leads beyond the bounds in one step, and the limits themselves are available.
         turn = robot.omega_max * step
         self._free_heading = (self._bounds[0] + turn, self._bounds[1] - turn)
@@ -256,6 +267,25 @@ class SafetyPreservingFilter(_Intervening):
         ):
             return self._limits
         return available_controls(self._limits, heading, speed, self._bounds, self._step)
+
+    def _escaping(self, observation: Observation, result: FilterResult) -> FilterResult:
+        if len(self._manoeuvres.heading) == 0:
+            return result
+        robot, asked, box = observation.robot, result.control, self._available(observation.robot)
+        others, in_k = cars_to_look_at(
+            self._arrays, robot, observation.x, observation.y, observation.speed, self._settings.epsilon
+        )
+        omega, acceleration, verdict = keep_escape(
+            self._manoeuvres, robot, others, in_k, asked.omega, asked.acceleration, self._step
+        )
+        if verdict == NO_ESCAPE:
+            self.counts[HAD_NO_ESCAPE] += 1
+        if verdict != ESCAPING:
+            return result
+        self.counts[ESCAPED] += 1
+        control = Control(min(max(omega, box[0]), box[1]), min(max(acceleration, box[2]), box[3]))
+        slack = max(-float(result.rows.margins(control.omega, control.acceleration).min(initial=0.0)), 0.0)
+        return replace(result, control=control, escaping=True, slack=slack)
 
 
 class RssFilter(_Intervening):

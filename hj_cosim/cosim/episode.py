@@ -14,7 +14,14 @@ from hj_cosim.analysis.record import RunRecord
 from hj_cosim.analysis.run_folder import FIGURES, read_run, require_free_folder, write_run
 from hj_cosim.analysis.summary import summarize
 from hj_cosim.config import EpisodeConfig
-from hj_cosim.control.safety_filter import DESIRED_NOT_FINITE, NOT_JUDGED, SafetyFilter, make_filter
+from hj_cosim.control.safety_filter import (
+    DESIRED_NOT_FINITE,
+    ESCAPED,
+    HAD_NO_ESCAPE,
+    NOT_JUDGED,
+    SafetyFilter,
+    make_filter,
+)
 from hj_cosim.control.safety_problem import FAILED
 from hj_cosim.control.tracking import tracking_control
 from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
@@ -159,6 +166,8 @@ def fallback_summary(counts: Mapping[str, int]) -> dict[str, int]:
         "not_judged_samples": counts.get(NOT_JUDGED, 0),
         "desired_not_finite_samples": counts.get(DESIRED_NOT_FINITE, 0),
         "solver_failures": sum(count for what, count in counts.items() if what.endswith(FAILED)),
+        "escape_samples": counts.get(ESCAPED, 0),
+        "no_escape_samples": counts.get(HAD_NO_ESCAPE, 0),
     }
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hj_cosim.config import GridSettings, TableSpecification
+from hj_cosim.reachability.manoeuvres import lower_bounds
 from hj_cosim.reachability.rollouts import play, states_near_zero
 from hj_cosim.reachability.solver import Progress
 from hj_cosim.reachability.value_table import ValueTable, solve_table
@@ -34,6 +35,7 @@ class TableQuality:
 
     residual: float  # largest |dV/dt| in the last step
     unsafe_share: float  # of the nodes
+    no_escape_share: float | None  # of random states, those with V > 0 where no manoeuvre escapes; None of other games
     unsafe_on_faces: dict[str, float]  # share of unsafe nodes on the faces beyond which a look-up says "safe"
     refinements: tuple[Refinement, ...]
     rollouts: int
@@ -80,6 +82,7 @@ def check_table(
     return TableQuality(
         residual=table.report.residual,
         unsafe_share=float(np.mean(table.values <= 0.0)),
+        no_escape_share=_no_escape_share(table, samples) if table.is_highway else None,
         unsafe_on_faces=_unsafe_on_faces(table),
         refinements=refinements,
         rollouts=len(shortfall),
@@ -138,6 +141,11 @@ def _compare(table: ValueTable, what: str, finer: ValueTable, samples: np.ndarra
         called_unsafe_wrongly=float(np.mean((ours <= 0.0) & (theirs > 0.0))),
         margin_needed=float(excess[allowed]) if len(excess) > allowed else 0.0,
     )
+
+
+def _no_escape_share(table: ValueTable, samples: np.ndarray) -> float:
+    called_safe = samples[table.value(samples) > 0.0]
+    return float(np.sum(lower_bounds(table.manoeuvres(), called_safe) <= 0.0)) / len(samples)
 
 
 def _unsafe_on_faces(table: ValueTable) -> dict[str, float]:

@@ -5,9 +5,22 @@ worked out beforehand: look-ups evaluate it for every car.
 """
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from numba import njit
+
+_PARAMETERS = (
+    "length",
+    "width",
+    "response_time",
+    "acceleration",
+    "brake_min",
+    "brake_max",
+    "lateral_acceleration",
+    "lateral_brake",
+    "lateral_margin",
+)
 
 
 class TargetFormula(NamedTuple):
@@ -57,6 +70,11 @@ class TargetFormula(NamedTuple):
             gained=sideways,
             lateral_2=1.0 / (2.0 * lateral_brake),
         )
+
+    @classmethod
+    def of_game(cls, parameters: Mapping[str, float]) -> "TargetFormula":
+        """Return the formula for all parameters of a highway game, which may be more than it needs."""
+        return cls.of(**{name: parameters[name] for name in _PARAMETERS})
 
 
 @njit(cache=True)

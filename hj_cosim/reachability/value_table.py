@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +19,7 @@ from hj_cosim.reachability.dynamics import Dynamics, find_dynamics
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.interpolation import interpolate
 from hj_cosim.reachability.lookup import TableArrays, deficits, values_and_gradients
+from hj_cosim.reachability.manoeuvres import Manoeuvres, capped, manoeuvres_of
 from hj_cosim.reachability.solver import Progress, SolveReport, solve, state_limits
 from hj_cosim.reachability.systems import highway
 from hj_cosim.reachability.table_file import TableFile, open_table_file
@@ -25,9 +27,6 @@ from hj_cosim.reachability.target_formula import TargetFormula
 
 # Part of every specification's hash: raised when the solver changes what it computes, so that tables are re-solved.
 _SOLVER_VERSION = 3
-
-# The highway game's parameters that V(0, ·) has, in the order in which its formula takes them.
-_FORMULA = tuple(highway.PARAMETERS)[6:15]
 
 
 @dataclass(frozen=True)
@@ -50,13 +49,13 @@ class ValueTable:
         return {**self.dynamics.parameters, **self.specification.parameters}
 
     @property
-    def _is_highway(self) -> bool:
+    def is_highway(self) -> bool:
         """Whether V(0, ·) is the highway game's: then look-ups know its formula, and the grid may be sheared."""
         return self.dynamics.target is highway.target
 
     @property
     def _braking_shear(self) -> float:
-        return self.parameters["braking_shear"] if self._is_highway else 0.0
+        return self.parameters["braking_shear"] if self.is_highway else 0.0
 
     @cached_property
     def arrays(self) -> TableArrays:
@@ -73,9 +72,9 @@ class ValueTable:
         grid = self.grid
         lower, upper, spacing = np.array(grid.lower), np.array(grid.upper), np.array(grid.spacing)
         parameters = highway.PARAMETERS | self.parameters
-        target = TargetFormula.of(*(parameters[name] for name in _FORMULA))
+        target = TargetFormula.of_game(parameters)
         shear = self._braking_shear
-        deficit = deficits(self.values, lower, spacing, shear, target) if self._is_highway else -self.values
+        deficit = deficits(self.values, lower, spacing, shear, target) if self.is_highway else -self.values
         return TableArrays(
             deficit,
             deficit.reshape(-1),
@@ -84,8 +83,21 @@ class ValueTable:
             _five(1.0 / spacing),
             shear,
             target,
-            self._is_highway,
+            self.is_highway,
         )
+
+    def manoeuvres(self, robot: Mapping[str, float] | None = None) -> Manoeuvres:
+        """Return the manoeuvres of the table's game, which judge states without its grid.
+
+        Args:
+            robot: parameters of the game that are the robot's own, if other than the game's.
+
+        Raises:
+            TableError: if it is not a table of the highway game.
+        """
+        if not self.is_highway:
+            raise TableError(f"there are no manoeuvres for {self.dynamics.name}, only for the highway game")
+        return manoeuvres_of({**self.parameters, **(robot or {})}, self.grid)
 
     def value_and_gradient(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return V (N,) and ∂V/∂x (N, n) at `states` (N, n), outside the grid as the dynamics say.
@@ -104,7 +116,7 @@ class ValueTable:
         return values, gradients
 
     def _look_up(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if self._is_highway:
+        if self.is_highway:
             return values_and_gradients(self.arrays, rows)
         grid = self.grid
         return interpolate(
@@ -160,7 +172,7 @@ class ValueTable:
     def draw_states(self, count: int, generator: np.random.Generator) -> np.ndarray:
         """Return random states, (count, n), spread evenly over the grid."""
         points = generator.uniform(self.grid.lower, self.grid.upper, (count, self.grid.dimension))
-        return highway.states_at(points, self._braking_shear) if self._is_highway else points
+        return highway.states_at(points, self._braking_shear) if self.is_highway else points
 
     def extent(self, axis: int, held: np.ndarray) -> tuple[float, float]:
         """Return the first and the last coordinate of the grid along a state variable, the others held, (n,)."""
@@ -170,7 +182,7 @@ class ValueTable:
         return self.grid.lower[axis] + shift, self.grid.upper[axis] + shift
 
     def _grid_points(self, states: np.ndarray) -> np.ndarray:
-        return highway.grid_points(states, self._braking_shear) if self._is_highway else states
+        return highway.grid_points(states, self._braking_shear) if self.is_highway else states
 
     def save(self, path: Path) -> None:
         """Write the table, whole or not at all.
@@ -329,7 +341,14 @@ def solve_table(specification: TableSpecification | str, progress: Progress | No
         name = str(find_specification(specification))
         specification = read_specification(Path(name))
     dynamics = find_dynamics(specification.dynamics)
+    if specification.capped_by_manoeuvres and dynamics.target is not highway.target:
+        raise ConfigurationError(
+            f"{name}: capped_by_manoeuvres is for the highway game, whose manoeuvres are known, not for {dynamics.name}"
+        )
     values, report = solve(specification, dynamics, name, progress)
+    if specification.capped_by_manoeuvres:
+        grid = Grid.from_settings(specification.grid, dynamics.boundary)
+        values = capped(values, grid, {**dynamics.parameters, **specification.parameters})
     return ValueTable(specification, dynamics, values - np.float32(specification.margin), report)
 
 

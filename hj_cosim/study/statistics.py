@@ -25,6 +25,7 @@ SAMPLE_COLUMNS = tuple(dict.fromkeys(column for column, _, _ in PERCENTILES.valu
 _TOTALS = (
     *("collisions", "hard_brakes_imposed", "promise_samples"),
     *("not_judged_samples", "desired_not_finite_samples", "solver_failures"),
+    *("escape_samples", "no_escape_samples"),
 )
 _MINIMA = ("min_gap", "min_gap_ahead", "headway_min")
 _MAXIMA = ("drac_max", "max_abs_jerk", "max_abs_lateral_acceleration")
