@@ -22,7 +22,8 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.config import RobotSettings
-from hj_cosim.reachability.lookup import TableArrays, value_at
+from hj_cosim.errors import TableError
+from hj_cosim.reachability.lookup import TableArrays, shift_of_grid, value_at
 from hj_cosim.reachability.manoeuvres import Manoeuvres, guaranteed, write_path, write_reach
 from hj_cosim.reachability.value_table import ValueTable
 
@@ -30,7 +31,7 @@ from hj_cosim.reachability.value_table import ValueTable
 # that was seen to remain does so in the next step.
 RESERVE = 0.1
 # m of V. Cars with more are not looked at: so far above the bound no table is between its nodes.
-FARTHEST = 20.0
+HIGHEST = 20.0
 PASSED, ESCAPING, NO_ESCAPE = 0, 1, 2  # verdicts
 
 
@@ -40,6 +41,11 @@ def manoeuvres_for(table: ValueTable, robot: RobotSettings) -> Manoeuvres:
     Raises:
         TableError: if it is not a table of the highway game.
     """
+    if not table.is_highway:
+        raise TableError(
+            f"no manoeuvres are known for the game {table.dynamics.name}, only for highway;"
+            " set filter.keep_escape=false to drive without"
+        )
     return table.manoeuvres(
         {
             "omega_max": robot.omega_max,
@@ -50,6 +56,18 @@ def manoeuvres_for(table: ValueTable, robot: RobotSettings) -> Manoeuvres:
 
 
 @njit(cache=True)
+def is_to_be_looked_at(table: TableArrays, value: float, p_x: float, p_y: float, v_r: float, v_o: float) -> bool:
+    """Return whether an escape has to be kept from a car; the state as in a look-up, and V, m.
+
+    One beside the table, where a look-up says "safe", too: a robot that comes back into the table too fast, and turned
+    towards the car, has V <= 0 as soon as it is there.
+    """
+    xi = p_x - shift_of_grid(table, v_r, v_o)
+    beside = (p_y < table.lower[1] or p_y > table.upper[1]) and table.lower[0] <= xi <= table.upper[0]
+    return value <= HIGHEST or beside
+
+
+@njit(cache=True)
 def cars_to_look_at(
     table: TableArrays, robot: np.ndarray, x: np.ndarray, y: np.ndarray, speed: np.ndarray, epsilon: float
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -57,8 +75,9 @@ def cars_to_look_at(
     others, in_k = np.empty((len(x), 3)), np.empty(len(x), np.bool_)
     count = 0
     for j in range(len(x)):
-        value = value_at(table, robot[0] - x[j], robot[1] - y[j], robot[2], robot[3], speed[j])
-        if value <= FARTHEST:
+        p_x, p_y = robot[0] - x[j], robot[1] - y[j]
+        value = value_at(table, p_x, p_y, robot[2], robot[3], speed[j])
+        if is_to_be_looked_at(table, value, p_x, p_y, robot[3], speed[j]):
             others[count, 0], others[count, 1], others[count, 2] = x[j], y[j], speed[j]
             in_k[count] = value <= epsilon
             count += 1

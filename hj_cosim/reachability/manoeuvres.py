@@ -26,14 +26,12 @@ from numba import njit
 
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.target_formula import TargetFormula, target_at
+from hj_cosim.reachability.value_scale import scaled, unscaled
 
 # s between the instants looked at: close together as long as the robot may be turning.
 _STEPS = (0.1,) * 30 + (0.25,) * 20
 _SHARES_OF_HEADING = (0.0, 0.5, -0.5, 1.0, -1.0)  # of the largest heading
 _NEWTON_STEPS = 3
-# m of V, by which a cap stays below what is guaranteed, as far as that is below V(0, ·): between the nodes it is a cap
-# for one state in a thousand less than it should be.
-CAP_RESERVE = 0.5
 # Columns of a path, and of a reach.
 _X, _Y, _AS_REAR, _AS_FRONT, _LEFT, _RIGHT = range(6)
 _LEAST, _MOST, _FROM_BEHIND, _TO_THE_FRONT, _SIDEWAYS = range(5)
@@ -309,19 +307,31 @@ def guaranteed(
     return max(left, right)
 
 
+@njit(cache=True)
+def _best_of(
+    game: Game, paths: np.ndarray, reach: np.ndarray, bend: int, share: float, p_x: float, p_y: float, enough: float
+) -> float:
+    """Return what the best of some paths guarantees against one car, or the first that is `enough`, m."""
+    best = -math.inf
+    for which in range(len(paths)):
+        best = max(best, guaranteed(game, paths[which], reach, bend, share, p_x, p_y, best))
+        if best >= enough:
+            break
+    return best
+
+
 @njit(cache=True, nogil=True)
 def lower_bounds(manoeuvres: Manoeuvres, states: np.ndarray) -> np.ndarray:
     """Return what the best manoeuvre guarantees at `states` (N, 5), (N,), m."""
     bounds = np.empty(len(states))
-    path, reach = np.empty((len(manoeuvres.steps) + 2, 6)), np.empty((len(manoeuvres.steps) + 3, 5))
+    paths = np.empty((len(manoeuvres.heading), len(manoeuvres.steps) + 2, 6))
+    reach = np.empty((paths.shape[1] + 1, 5))
     for i in range(len(states)):
         p_x, p_y, heading, v_r, v_o = states[i]
+        for which in range(len(paths)):
+            write_path(manoeuvres, which, heading, v_r, 0.0, 0.0, 0.0, paths[which])
         bend, share = write_reach(manoeuvres, v_o, 0.0, reach)
-        best = -math.inf
-        for which in range(len(manoeuvres.heading)):
-            write_path(manoeuvres, which, heading, v_r, 0.0, 0.0, 0.0, path)
-            best = max(best, guaranteed(manoeuvres.game, path, reach, bend, share, p_x, p_y, best))
-        bounds[i] = best
+        bounds[i] = _best_of(manoeuvres.game, paths, reach, bend, share, p_x, p_y, math.inf)
     return bounds
 
 
@@ -336,35 +346,49 @@ def _cap_heading(
 ) -> None:
     """Write the capped values of the nodes with the k-th heading; arguments as of `capped`.
 
-    A path depends on heading and speed alone, so it is found once for all positions; so is the other car's reach. A
-    node whose value one manoeuvre guarantees needs no other.
+    A path depends on heading and speed alone, so it is found once for all positions; so is the other car's reach, for
+    the speeds of the nodes and half-way between them. A node whose value one manoeuvre guarantees needs no other.
     """
     xi, y, theta, v_r, v_o = axes
-    game, instants = manoeuvres.game, len(manoeuvres.steps) + 2
+    game, instants, count = manoeuvres.game, len(manoeuvres.steps) + 2, len(v_o)
     paths = np.empty((len(manoeuvres.heading), instants, 6))
-    reach = np.empty((len(v_o), instants + 1, 5))
-    bends, shares = np.empty(len(v_o), np.int64), np.empty(len(v_o))
-    for n in range(len(v_o)):
-        bends[n], shares[n] = write_reach(manoeuvres, v_o[n], 0.0, reach[n])
+    speeds = np.linspace(v_o[0], v_o[-1], 2 * count - 1)
+    reach = np.empty((len(speeds), instants + 1, 5))
+    bends, shares = np.empty(len(speeds), np.int64), np.empty(len(speeds))
+    for n in range(len(speeds)):
+        bends[n], shares[n] = write_reach(manoeuvres, speeds[n], 0.0, reach[n])
+    tops, deficits, excess = np.empty(count), np.empty(count), np.zeros(count + 1)  # on the scale of look-ups
     for m in range(len(v_r)):
         for which in range(len(paths)):
             write_path(manoeuvres, which, theta[k], v_r[m], 0.0, 0.0, 0.0, paths[which])
+        ahead = shear * (speeds * speeds - v_r[m] * v_r[m])  # p_x − ξ
         for i in range(len(xi)):
             for j in range(len(y)):
-                for n in range(len(v_o)):
-                    p_x = xi[i] + shear * (v_o[n] * v_o[n] - v_r[m] * v_r[m])
-                    value, now = values[i, j, k, m, n], target_at(game.target, p_x, y[j], theta[k], v_r[m], v_o[n])
-                    enough, sure = min(value + CAP_RESERVE, now), -math.inf
-                    for which in range(len(paths)):
-                        if sure >= enough:
-                            break
-                        found = guaranteed(game, paths[which], reach[n], bends[n], shares[n], p_x, y[j], sure)
-                        sure = max(sure, found)
-                    capped[i, j, k, m, n] = min(value, sure - min(max(now - sure, 0.0), CAP_RESERVE))
+                line = capped[i, j, k, m]
+                for n in range(count):
+                    p_x, of, value = xi[i] + ahead[2 * n], 2 * n, values[i, j, k, m, n]
+                    sure = _best_of(game, paths, reach[of], bends[of], shares[of], p_x, y[j], value)
+                    line[n] = min(value, sure)
+                    tops[n] = scaled(target_at(game.target, p_x, y[j], theta[k], v_r[m], v_o[n]))
+                    deficits[n] = max(tops[n] - scaled(line[n]), 0.0)
+                # What is guaranteed bends where the other car soon reaches its top speed: as looked up (`lookup`), V
+                # half-way between two of its speeds would be above it by metres.
+                for n in range(count - 1):
+                    p_x, of = xi[i] + ahead[2 * n + 1], 2 * n + 1
+                    top = scaled(target_at(game.target, p_x, y[j], theta[k], v_r[m], speeds[of]))
+                    between = top - 0.5 * (deficits[n] + deficits[n + 1])
+                    sure = _best_of(game, paths, reach[of], bends[of], shares[of], p_x, y[j], unscaled(between))
+                    excess[n + 1] = max(between - scaled(sure), 0.0)
+                for n in range(count):
+                    more = max(excess[n], excess[n + 1])
+                    if more > 0.0:
+                        line[n] = unscaled(tops[n] - deficits[n] - more)
 
 
 def capped(values: np.ndarray, grid: Grid, parameters: Mapping[str, float], threads: int = 2) -> np.ndarray:
-    """Return V at the nodes of a highway table, but for CAP_RESERVE no more than the best manoeuvre guarantees.
+    """Return V at the nodes of a highway table, but no more than the best manoeuvre guarantees.
+
+    Half-way between two nodes along v_o, too, as V is looked up: both nodes give way there.
 
     Args:
         values: V at the nodes, float32.

@@ -21,18 +21,23 @@ def table() -> ValueTable:
     return load_table("highway")
 
 
+def uncapped(table: ValueTable) -> TableSpecification:
+    """Return the default table's specification without the cap: the solver's own V."""
+    return table.specification.model_copy(update={"capped_by_manoeuvres": False})
+
+
 def along_p_x(table: ValueTable) -> TableSpecification:
-    """Return the default table's specification on a grid without shear, of about as many nodes."""
+    """Return it on a grid without shear, of about as many nodes."""
     grid = GridSettings(
         lower=(-165.0, *table.grid.lower[1:]), upper=(255.0, *table.grid.upper[1:]), shape=(85, *table.grid.shape[1:])
     )
-    return table.specification.model_copy(update={"grid": grid, "parameters": {}})
+    return uncapped(table).model_copy(update={"grid": grid, "parameters": {}})
 
 
 def describe(name: str, report: GuaranteeReport) -> str:
     causes = ", ".join(f"{cause} {count}" for cause, count in report.causes.items())
     return (
-        f"{name:34s}{report.rollouts:9d}{report.entered_percent:10.3f}{report.collided:10d}{report.collided_unturned:10d}"
+        f"{name:34s}{report.rollouts:9d}{report.without_escape:10d}{report.entered_percent:10.3f}{report.collided:10d}{report.collided_unturned:10d}"
         f"{report.fall_median:8.2f}{report.fall_p99:8.2f}{report.unmet_percent:9.1f}   {causes}"
     )
 
@@ -50,21 +55,27 @@ def test_guarantee(benchmark, table):
         "a quarter of the step": dataclasses.replace(FEWER, step=MANY.step / 4),
     }
     filters = {
-        "switching": FilterSettings(scheme="sw"),
-        "recovery 3/s": FilterSettings(recovery=3.0),
-        "epsilon 8 m": FilterSettings(epsilon=8.0),
-        "epsilon 8 m, recovery 3/s": FilterSettings(epsilon=8.0, recovery=3.0),
+        "SPC alone": FilterSettings(),
+        "SPC alone, switching": FilterSettings(scheme="sw"),
+        "SPC alone, recovery 3/s": FilterSettings(recovery=3.0),
+        "SPC alone, epsilon 8 m": FilterSettings(epsilon=8.0),
+        "SPC alone, both": FilterSettings(epsilon=8.0, recovery=3.0),
     }
-    reports = {name: measure_guarantee(table, settings) for name, settings in cases.items()}
+    keeping = FilterSettings(keep_escape=True)
+    reports = {name: measure_guarantee(table, settings, keeping) for name, settings in cases.items()}
+    reports["switching"] = measure_guarantee(table, FEWER, FilterSettings(scheme="sw", keep_escape=True))
     reports |= {name: measure_guarantee(table, MANY, settings) for name, settings in filters.items()}
-    reports["grid along p_x"] = measure_guarantee(solve_table(along_p_x(table)), FEWER)
+    for name, specification in {"no cap": uncapped(table), "grid along p_x, no cap": along_p_x(table)}.items():
+        other = solve_table(specification)
+        reports[f"SPC alone, {name}"] = measure_guarantee(other, FEWER)
+        reports[name] = measure_guarantee(other, FEWER, keeping)
     benchmark.pedantic(
-        measure_guarantee, args=(table, dataclasses.replace(MANY, rollouts=1000)), rounds=3, iterations=1
+        measure_guarantee, args=(table, dataclasses.replace(MANY, rollouts=1000), keeping), rounds=3, iterations=1
     )
-    print(
-        f"\n{'rollouts':34s}{'number':>9s}{'entered %':>10s}{'collided':>10s}{'unturned':>10s}{'fall m':>8s}{'p99':>8s}"
-        f"{'unmet %':>9s}   causes of entries"
-    )
+    columns = ("number", "no escape", "entered %", "collided", "unturned", "fall m", "p99", "unmet %")
+    widths = (9, 10, 10, 10, 10, 8, 8, 9)
+    heads = "".join(f"{column:>{width}s}" for column, width in zip(columns, widths, strict=True))
+    print(f"\n{'rollouts':34s}{heads}   causes of entries")
     for name, report in reports.items():
         print(describe(name, report))
     assert all(sum(report.causes.values()) == report.entered for report in reports.values())

@@ -169,10 +169,11 @@ def test_every_control_is_finite_and_within_the_limits(table, observe, robot, ca
 
 @pytest.mark.parametrize("kind", ["spc", "rss", "none"])
 @pytest.mark.parametrize("scheme", ["mi", "sw"])
-def test_extreme_scenes_are_answered_within_the_limits(table, kind, scheme):
+@pytest.mark.parametrize("keep_escape", [False, True])
+def test_extreme_scenes_are_answered_within_the_limits(table, kind, scheme, keep_escape):
     """tests/benchmarks/test_fuzz.py draws a million."""
     draw = np.random.default_rng(0)
-    safety_filter = filter_of(table, kind=kind, scheme=scheme)
+    safety_filter = filter_of(table, kind=kind, scheme=scheme, keep_escape=keep_escape)
     for _ in range(500):
         result = safety_filter.filter(draw_scene(draw), draw_desired(draw))
         assert abs(result.control.omega) <= ROBOT.omega_max

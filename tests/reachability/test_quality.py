@@ -34,6 +34,18 @@ def test_check_reports_every_measure(braking: TableSpecification) -> None:
     assert 0.0 < quality.unsafe_share < 1.0
     assert set(quality.unsafe_on_faces) == {"position low", "position high"}
     assert quality.shortfall_p99 <= quality.shortfall_worst
+    assert quality.no_escape_share is None
+
+
+def test_check_tells_how_often_a_table_calls_safe_what_no_manoeuvre_escapes_from(
+    small_table: ValueTable,
+) -> None:
+    capped = solve_table(small_table.specification.model_copy(update={"capped_by_manoeuvres": True}))
+    bare, careful = (
+        check_table(table, rollouts=10, states=20_000, seconds=0.0).no_escape_share for table in (small_table, capped)
+    )
+    assert 0.01 < bare < 0.5
+    assert careful < 0.2 * bare
 
 
 def test_the_margin_that_check_names_makes_the_table_conservative(braking: TableSpecification) -> None:

@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+
+from hj_cosim.config import FilterSettings, RobotSettings
+from hj_cosim.control.escape import ESCAPING, NO_ESCAPE, PASSED, can_escape, keep_escape, manoeuvres_for
+from hj_cosim.control.guarantee import RolloutSettings, measure_guarantee
+from hj_cosim.control.safety_filter import ESCAPED, HAD_NO_ESCAPE, make_filter
+from hj_cosim.errors import TableError
+from hj_cosim.reachability.manoeuvres import lower_bounds
+from hj_cosim.vehicles.observation import Control
+
+ROBOT, STEP = RobotSettings(), 0.02
+FULL_SPEED = (0.0, 4.0)  # ω, a
+
+
+@pytest.fixture(scope="module")
+def manoeuvres(table):
+    return manoeuvres_for(table, ROBOT)
+
+
+def kept(manoeuvres, robot, others, control=FULL_SPEED, in_k=True):
+    others = np.array(others, float).reshape(-1, 3)
+    return keep_escape(manoeuvres, np.array(robot, float), others, np.full(len(others), in_k), *control, STEP)
+
+
+def distance_behind(table, margin):
+    """Return how far behind a car at 22 m/s a robot at 25 m/s has V(0, ·) = margin."""
+    state = np.array([[-100.0, 0.0, 0.0, 25.0, 22.0]])
+    return 100.0 - float(table.target_values(state)[0]) + margin
+
+
+@pytest.mark.parametrize("in_k", [True, False])
+def test_a_control_passes_as_long_as_braking_afterwards_is_in_time(table, manoeuvres, in_k):
+    far, near = distance_behind(table, 1.0), distance_behind(table, 0.05)
+    assert kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], [[far, 0.0, 22.0]], in_k=in_k) == (*FULL_SPEED, PASSED)
+    assert kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], [[near, 0.0, 22.0]], in_k=in_k)[2] == ESCAPING
+
+
+def test_an_escape_is_a_manoeuvre_s_own_control(table, manoeuvres):
+    # A car to the left, so close that the robot may no longer turn towards it.
+    omega, acceleration, verdict = kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], [[0.0, 3.0, 25.0]], control=(0.3, 4.0))
+    assert verdict == ESCAPING
+    assert omega == -0.3
+    assert acceleration in manoeuvres.acceleration
+
+
+def test_no_car_is_no_reason_to_escape(manoeuvres):
+    assert kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], []) == (*FULL_SPEED, PASSED)
+
+
+def test_where_nothing_escapes_the_control_passes(manoeuvres):
+    boxed_in = [[7.0, 0.0, 20.0], [-7.0, 0.0, 30.0], [0.0, 3.0, 25.0], [0.0, -3.0, 25.0]]
+    assert kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], boxed_in) == (*FULL_SPEED, NO_ESCAPE)
+
+
+def test_what_escapes_from_each_car_need_not_escape_from_both(table, manoeuvres):
+    gap = distance_behind(table, 0.5)
+    robot, ahead, behind = np.array([[0.0, 0.0, 0.0, 25.0]]), [gap, 0.0, 22.0], [-60.0, 0.0, 27.0]
+    apart = [can_escape(manoeuvres, robot, np.array([[car]]))[0] for car in (ahead, behind)]
+    assert apart == [True, True]  # by braking from the one, by driving on or aside from the other
+    squeezed = np.array([[ahead, behind, [0.0, 3.2, 25.0], [0.0, -3.2, 25.0]]])
+    assert not can_escape(manoeuvres, robot, squeezed)[0]
+
+
+def test_can_escape_agrees_with_the_lower_bound_against_one_car(table, manoeuvres):
+    states = table.draw_states(3000, np.random.default_rng(0))
+    robots = np.column_stack([np.zeros((3000, 2)), states[:, 2:4]])
+    others = np.column_stack([-states[:, 0], -states[:, 1], states[:, 4]])[:, None]
+    escapes = can_escape(manoeuvres, robots, others)
+    assert 0.1 < escapes.mean() < 0.9
+    np.testing.assert_array_equal(escapes, lower_bounds(manoeuvres, states) > 0.0)
+
+
+@pytest.mark.parametrize("desire", ["cruise", "random", "collide"])
+@pytest.mark.parametrize("model", ["game", "bicycle"])
+def test_who_keeps_an_escape_is_caught_only_where_there_was_none_at_the_start(table, desire, model):
+    settings = RolloutSettings(rollouts=150, duration=5.0, desire=desire, model=model, seed=3)
+    keeping = measure_guarantee(table, settings, FilterSettings(keep_escape=True))
+    alone = measure_guarantee(table, settings)
+    assert keeping.without_escape == alone.without_escape > 0  # the table here is V(0, ·) alone
+    assert keeping.entered <= keeping.causes["no escape"]
+    assert alone.entered > keeping.entered
+
+
+def test_the_filter_counts_what_it_gave_way_to_and_holds_the_robots_limits(table, observe):
+    near = distance_behind(table, 0.05)
+    spc = make_filter(FilterSettings(keep_escape=True), ROBOT, table, STEP)
+    result = spc.filter(observe([0.0, 4.0, 0.0, 25.0], [[near, 4.0, 0.0, 22.0]]), Control(0.0, 4.0))
+    assert result.escaping
+    assert result.control.acceleration == ROBOT.acceleration_min
+    assert spc.counts == {ESCAPED: 1}
+    boxed_in = [[7.0, 4.0, 0.0, 20.0], [-7.0, 4.0, 0.0, 30.0], [0.0, 7.0, 0.0, 25.0], [0.0, 1.0, 0.0, 25.0]]
+    assert not spc.filter(observe([0.0, 4.0, 0.0, 25.0], boxed_in), Control(0.0, 4.0)).escaping
+    assert spc.counts == {ESCAPED: 1, HAD_NO_ESCAPE: 1}
+
+
+def test_without_it_the_filter_is_the_papers(table, observe):
+    near = observe([0.0, 4.0, 0.0, 25.0], [[distance_behind(table, 0.05), 4.0, 0.0, 22.0]])
+    alone = make_filter(FilterSettings(), ROBOT, table, STEP)
+    result = alone.filter(near, Control(0.0, 4.0))
+    assert not result.escaping
+    assert not alone.counts
+    assert result.control.acceleration > ROBOT.acceleration_min
+
+
+def test_a_weaker_robot_escapes_within_its_own_limits(table):
+    found = manoeuvres_for(table, ROBOT.model_copy(update={"acceleration_min": -3.0}))
+    assert found.acceleration.min() == -3.0
+    gap = distance_behind(table, 1.0)
+    assert kept(found, [0.0, 0.0, 0.0, 25.0], [[gap, 0.0, 22.0]])[2] != PASSED
+
+
+def test_another_game_s_table_has_no_manoeuvres_to_keep(linear_table):
+    with pytest.raises(TableError, match="no manoeuvres"):
+        make_filter(FilterSettings(keep_escape=True), ROBOT, linear_table, STEP)

@@ -1,0 +1,181 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from hj_cosim.config import TableSpecification
+from hj_cosim.errors import ConfigurationError, TableError
+from hj_cosim.reachability.manoeuvres import Manoeuvres, capped, lower_bounds
+from hj_cosim.reachability.value_table import ValueTable, solve_table
+
+STEP, DURATION = 0.01, 7.9  # s; of the brute force
+TOLERANCE = 0.05  # m, what the manoeuvres' steps may be wrong by where V is small
+EARLY = 20  # samples of STEP
+
+
+@pytest.fixture(scope="module")
+def manoeuvres(small_table: ValueTable) -> Manoeuvres:
+    return small_table.manoeuvres()
+
+
+def only(manoeuvres: Manoeuvres, which: int) -> Manoeuvres:
+    return manoeuvres._replace(
+        heading=manoeuvres.heading[which : which + 1], acceleration=manoeuvres.acceleration[which : which + 1]
+    )
+
+
+def one_step(
+    states: np.ndarray, heading: float, acceleration: float, heading_o: np.ndarray, acceleration_o: np.ndarray
+) -> np.ndarray:
+    """Return the states (n, 5) a step later, the robot driving a manoeuvre, the other cars with inputs (n,) each."""
+    turned = states[:, 2] + np.clip(heading - states[:, 2], -0.3 * STEP, 0.3 * STEP)
+    faster = np.clip(states[:, 3] + acceleration * STEP, 0.0, 40.0)
+    others = np.clip(states[:, 4] + acceleration_o * STEP, 0.0, 40.0)
+    driven, middle = 0.5 * (states[:, 3] + faster) * STEP, 0.5 * (states[:, 2] + turned)
+    others_driven = 0.5 * (states[:, 4] + others) * STEP
+    x = states[:, 0] + driven * np.cos(middle) - others_driven * np.cos(heading_o)
+    y = states[:, 1] + driven * np.sin(middle) - others_driven * np.sin(heading_o)
+    return np.column_stack([x, y, turned, faster, others])
+
+
+def brute_force(
+    table: ValueTable, states: np.ndarray, heading: float, acceleration: float, inputs: np.ndarray
+) -> np.ndarray:
+    """Return the least V(0, .), (n,), of games in which the other cars' (θ_o, a_o) are `inputs`, (T, n, 2)."""
+    least = table.target_values(states)
+    for other in inputs:
+        states = one_step(states, heading, acceleration, other[:, 0], other[:, 1])
+        least = np.minimum(least, table.target_values(states))
+    return least
+
+
+def others_inputs(generator: np.random.Generator, games: int) -> np.ndarray:
+    """Return what other cars do, (T, games, 2): at their limits or between them, changing their mind now and then."""
+    holds, samples = 8, round(DURATION / STEP)
+    headings = generator.choice([-0.1, 0.0, 0.1], (holds, games)) * generator.choice([1.0, 0.5], (holds, games))
+    accelerations = generator.choice([-6.0, 0.0, 4.0], (holds, games))
+    return np.repeat(np.stack([headings, accelerations], axis=2), -(-samples // holds), axis=0)[:samples]
+
+
+def test_no_other_car_gets_below_what_a_manoeuvre_guarantees(small_table, manoeuvres):
+    generator = np.random.default_rng(0)
+    states = small_table.draw_states(2000, generator)
+    for which, (heading, acceleration) in enumerate(zip(manoeuvres.heading, manoeuvres.acceleration, strict=True)):
+        bounds = lower_bounds(only(manoeuvres, which), states)
+        near = np.abs(bounds) < 5.0
+        assert near.sum() > 20
+        inputs = others_inputs(generator, int(near.sum()))
+        least = brute_force(small_table, states[near], heading, acceleration, inputs)
+        assert (least - bounds[near]).min() >= -TOLERANCE
+
+
+def test_a_car_that_closes_in_from_behind_attains_what_driving_on_guarantees(small_table, manoeuvres):
+    # Straight ahead of the other car, gaps along the road and across it are at their worst for the same inputs.
+    which = int(np.flatnonzero((manoeuvres.heading == 0.0) & (manoeuvres.acceleration == 4.0))[0])
+    generator = np.random.default_rng(1)
+    states = np.column_stack(
+        [
+            generator.uniform(40.0, 120.0, 200),
+            np.zeros(200),
+            np.zeros(200),
+            generator.uniform(15.0, 25.0, 200),
+            generator.uniform(25.0, 32.0, 200),
+        ]
+    )
+    inputs = np.broadcast_to([0.0, 4.0], (round(DURATION / STEP), 200, 2))
+    least = brute_force(small_table, states, 0.0, 4.0, inputs)
+    bounds = lower_bounds(only(manoeuvres, which), states)
+    ahead = least > -5.0  # still ahead of the other car's front
+    assert ahead.sum() > 50
+    np.testing.assert_allclose(bounds[ahead], least[ahead], atol=0.2)
+
+
+def test_no_manoeuvre_guarantees_more_than_v0_and_a_robot_that_follows_is_guaranteed_all_of_it(small_table, manoeuvres):
+    states = small_table.draw_states(3000, np.random.default_rng(2))
+    # In the target set both sides count, of which V(0, .) takes the nearer one.
+    assert (lower_bounds(manoeuvres, states) <= np.maximum(small_table.target_values(states), 0.0) + 1e-4).all()
+    # Behind in the same lane RSS is kept by braking: V = V0 (SPEC section 4).
+    following = np.array([[-40.0, 0.0, 0.0, 25.0, 22.0], [-28.5, 0.0, 0.0, 25.0, 22.0], [-60.0, 0.0, 0.0, 30.0, 20.0]])
+    np.testing.assert_allclose(
+        lower_bounds(manoeuvres, following), small_table.target_values(following), atol=TOLERANCE
+    )
+
+
+def test_left_is_as_good_as_right(small_table, manoeuvres):
+    states = small_table.draw_states(1000, np.random.default_rng(3))
+    mirrored = states * [1.0, -1.0, -1.0, 1.0, 1.0]
+    np.testing.assert_allclose(lower_bounds(manoeuvres, states), lower_bounds(manoeuvres, mirrored), rtol=1e-9)
+
+
+def test_bodies_that_touch_because_the_robot_is_turned_are_not_escaped_from(small_table, manoeuvres):
+    turned_away = np.array([[0.0, 2.85, 0.4, 20.0, 20.0]])  # its rear corner sticks out towards the other car
+    assert small_table.target_values(turned_away)[0] > 0.0
+    assert lower_bounds(manoeuvres, turned_away)[0] <= 0.0
+
+
+def test_driving_the_best_manoeuvre_loses_nothing_whatever_the_other_car_does(small_table, manoeuvres):
+    generator = np.random.default_rng(4)
+    states = small_table.draw_states(20_000, generator)
+    singles = np.stack([lower_bounds(only(manoeuvres, which), states) for which in range(len(manoeuvres.heading))])
+    near = np.abs(singles.max(axis=0)) < 3.0
+    states, singles = states[near], singles[:, near]
+    inputs = others_inputs(generator, len(states))[:EARLY]
+    for which, (heading, acceleration) in enumerate(zip(manoeuvres.heading, manoeuvres.acceleration, strict=True)):
+        best = singles.argmax(axis=0) == which
+        later = states[best]
+        for other in inputs[:, best]:
+            later = one_step(later, heading, acceleration, other[:, 0], other[:, 1])
+        # Looked at as far as before: EARLY is less than the last step.
+        rest = only(manoeuvres, which)._replace(steps=manoeuvres.steps[:-1])
+        assert (lower_bounds(rest, later) - singles[which, best]).min(initial=0.0) >= -0.1
+
+
+def test_a_cap_takes_from_a_table_what_no_manoeuvre_guarantees_and_nothing_else(small_table):
+    parameters, grid = small_table.parameters, small_table.grid
+    found = capped(small_table.values, grid, parameters)
+    assert (found <= small_table.values).all()
+    points = np.stack(np.meshgrid(*grid.axes, indexing="ij"), axis=-1).reshape(-1, 5)
+    chosen = np.random.default_rng(5).choice(len(points), 5000, replace=False)
+    states = points[chosen].copy()
+    states[:, 0] += parameters["braking_shear"] * (states[:, 4] ** 2 - states[:, 3] ** 2)
+    bounds = lower_bounds(small_table.manoeuvres(), states)
+    values, caps = small_table.values.reshape(-1)[chosen], found.reshape(-1)[chosen]
+    assert (caps <= bounds + 1e-3).all()
+    # What is guaranteed stays, but for nodes that give way for what lies beside them.
+    sure = bounds >= values
+    assert 0.1 < sure.mean() < 0.9
+    assert np.mean(caps[sure] == values[sure]) > 0.9
+
+
+def test_a_capped_table_promises_no_more_than_manoeuvres_guarantee_between_two_speeds_of_the_other_car(small_table):
+    found = capped(small_table.values, small_table.grid, small_table.parameters)
+    axes = list(small_table.grid.axes)
+    axes[4] = 0.5 * (axes[4][1:] + axes[4][:-1])
+    states = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 5)
+    states[:, 0] += small_table.parameters["braking_shear"] * (states[:, 4] ** 2 - states[:, 3] ** 2)
+    states = states[np.random.default_rng(6).choice(len(states), 5000, replace=False)]
+    bounds = lower_bounds(small_table.manoeuvres(), states)
+    careful, bare = dataclasses.replace(small_table, values=found).value(states), small_table.value(states)
+    near = np.abs(bounds) < 20.0
+    assert (careful - bounds)[near].max() < 0.01
+    assert (bare - bounds)[near].max() > 5.0
+
+
+def test_a_capped_specification_gives_a_capped_table(small_table):
+    specification = small_table.specification.model_copy(update={"capped_by_manoeuvres": True, "margin": 0.25})
+    expected = capped(small_table.values, small_table.grid, small_table.parameters) - np.float32(0.25)
+    np.testing.assert_array_equal(solve_table(specification).values, expected)
+
+
+def test_other_games_have_no_manoeuvres(braking: TableSpecification):
+    with pytest.raises(ConfigurationError, match="capped_by_manoeuvres is for the highway game"):
+        solve_table(braking.model_copy(update={"capped_by_manoeuvres": True}))
+    with pytest.raises(TableError, match="there are no manoeuvres for double_integrator"):
+        solve_table(braking).manoeuvres()
+
+
+def test_a_robot_with_other_limits_has_other_manoeuvres(small_table):
+    weak = small_table.manoeuvres({"acceleration_min": -3.0})
+    following = np.array([[-40.0, 0.0, 0.0, 25.0, 22.0]])
+    assert weak.acceleration.min() == -3.0
+    assert lower_bounds(weak, following)[0] < lower_bounds(small_table.manoeuvres(), following)[0] - 5.0
