@@ -11,22 +11,20 @@ gaps at once, the robot has to stay on one side, and bodies count as turned by t
 leaves out. Between two instants both gaps count as linear, so that steps of a tenth of a second are wrong by
 centimetres. After the last instant nothing is looked at.
 
-A grid is wrong by metres where V comes from a corner of V(0, ·), and to the unsafe side; the bound is not. What it
-costs is a simulation for every manoeuvre, so it serves to cap a table at its nodes (`capped`) and to judge a single
-control (`control.escape`).
+A grid is wrong by metres where V comes from a corner of V(0, ·), and to the unsafe side; the bound is not. It
+costs a simulation for every manoeuvre, so that it serves to cap a table at its nodes (`manoeuvre_cap`) and to judge a
+single control (`control.escape`).
 """
 
 import math
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from hj_cosim.reachability.grid import Grid
-from hj_cosim.reachability.target_formula import TargetFormula, target_at
-from hj_cosim.reachability.value_scale import scaled, unscaled
+from hj_cosim.reachability.target_formula import TargetFormula
 
 # s between the instants looked at: close together as long as the robot may be turning.
 _STEPS = (0.1,) * 30 + (0.25,) * 20
@@ -308,7 +306,7 @@ def guaranteed(
 
 
 @njit(cache=True)
-def _best_of(
+def best_guarantee(
     game: Game, paths: np.ndarray, reach: np.ndarray, bend: int, share: float, p_x: float, p_y: float, enough: float
 ) -> float:
     """Return what the best of some paths guarantees against one car, or the first that is `enough`, m."""
@@ -331,78 +329,5 @@ def lower_bounds(manoeuvres: Manoeuvres, states: np.ndarray) -> np.ndarray:
         for which in range(len(paths)):
             write_path(manoeuvres, which, heading, v_r, 0.0, 0.0, 0.0, paths[which])
         bend, share = write_reach(manoeuvres, v_o, 0.0, reach)
-        bounds[i] = _best_of(manoeuvres.game, paths, reach, bend, share, p_x, p_y, math.inf)
+        bounds[i] = best_guarantee(manoeuvres.game, paths, reach, bend, share, p_x, p_y, math.inf)
     return bounds
-
-
-@njit(cache=True, nogil=True)
-def _cap_heading(
-    manoeuvres: Manoeuvres,
-    axes: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    shear: float,
-    k: int,
-    values: np.ndarray,
-    capped: np.ndarray,
-) -> None:
-    """Write the capped values of the nodes with the k-th heading; arguments as of `capped`.
-
-    A path depends on heading and speed alone, so it is found once for all positions; so is the other car's reach, for
-    the speeds of the nodes and half-way between them. A node whose value one manoeuvre guarantees needs no other.
-    """
-    xi, y, theta, v_r, v_o = axes
-    game, instants, count = manoeuvres.game, len(manoeuvres.steps) + 2, len(v_o)
-    paths = np.empty((len(manoeuvres.heading), instants, 6))
-    speeds = np.linspace(v_o[0], v_o[-1], 2 * count - 1)
-    reach = np.empty((len(speeds), instants + 1, 5))
-    bends, shares = np.empty(len(speeds), np.int64), np.empty(len(speeds))
-    for n in range(len(speeds)):
-        bends[n], shares[n] = write_reach(manoeuvres, speeds[n], 0.0, reach[n])
-    tops, deficits, excess = np.empty(count), np.empty(count), np.zeros(count + 1)  # on the scale of look-ups
-    for m in range(len(v_r)):
-        for which in range(len(paths)):
-            write_path(manoeuvres, which, theta[k], v_r[m], 0.0, 0.0, 0.0, paths[which])
-        ahead = shear * (speeds * speeds - v_r[m] * v_r[m])  # p_x − ξ
-        for i in range(len(xi)):
-            for j in range(len(y)):
-                line = capped[i, j, k, m]
-                for n in range(count):
-                    p_x, of, value = xi[i] + ahead[2 * n], 2 * n, values[i, j, k, m, n]
-                    sure = _best_of(game, paths, reach[of], bends[of], shares[of], p_x, y[j], value)
-                    line[n] = min(value, sure)
-                    tops[n] = scaled(target_at(game.target, p_x, y[j], theta[k], v_r[m], v_o[n]))
-                    deficits[n] = max(tops[n] - scaled(line[n]), 0.0)
-                # What is guaranteed bends where the other car soon reaches its top speed: as looked up (`lookup`), V
-                # half-way between two of its speeds would be above it by metres.
-                for n in range(count - 1):
-                    p_x, of = xi[i] + ahead[2 * n + 1], 2 * n + 1
-                    top = scaled(target_at(game.target, p_x, y[j], theta[k], v_r[m], speeds[of]))
-                    between = top - 0.5 * (deficits[n] + deficits[n + 1])
-                    sure = _best_of(game, paths, reach[of], bends[of], shares[of], p_x, y[j], unscaled(between))
-                    excess[n + 1] = max(between - scaled(sure), 0.0)
-                for n in range(count):
-                    more = max(excess[n], excess[n + 1])
-                    if more > 0.0:
-                        line[n] = unscaled(tops[n] - deficits[n] - more)
-
-
-def capped(values: np.ndarray, grid: Grid, parameters: Mapping[str, float], threads: int = 2) -> np.ndarray:
-    """Return V at the nodes of a highway table, but no more than the best manoeuvre guarantees.
-
-    Half-way between two nodes along v_o, too, as V is looked up: both nodes give way there.
-
-    Args:
-        values: V at the nodes, float32.
-        grid: its nodes.
-        parameters: of the game, all of them.
-        threads: that the headings are divided among.
-    """
-    manoeuvres = manoeuvres_of(parameters, grid)
-    axes = tuple(np.ascontiguousarray(axis, np.float64) for axis in grid.axes)
-    found = np.empty_like(values)
-
-    def cap(k: int) -> None:
-        _cap_heading(manoeuvres, axes, parameters["braking_shear"], k, values, found)
-
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(cap, range(values.shape[2])))
-    return found

@@ -19,7 +19,8 @@ from hj_cosim.reachability.dynamics import Dynamics, find_dynamics
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.interpolation import interpolate
 from hj_cosim.reachability.lookup import TableArrays, deficits, values_and_gradients
-from hj_cosim.reachability.manoeuvres import Manoeuvres, capped, manoeuvres_of
+from hj_cosim.reachability.manoeuvre_cap import capped
+from hj_cosim.reachability.manoeuvres import Manoeuvres, manoeuvres_of
 from hj_cosim.reachability.solver import Progress, SolveReport, solve, state_limits
 from hj_cosim.reachability.systems import highway
 from hj_cosim.reachability.table_file import TableFile, open_table_file

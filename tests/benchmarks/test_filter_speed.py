@@ -70,6 +70,7 @@ def test_filter_step(benchmark, table):
     lines = []
     for name, settings in {
         "SPC MI": FilterSettings(),
+        "SPC MI, keeping an escape": FilterSettings(keep_escape=True),
         "SPC SW": FilterSettings(scheme="sw"),
         "RSS MI": FilterSettings(kind="rss"),
         "none": FilterSettings(kind="none"),
