@@ -23,15 +23,15 @@ from numba import njit
 
 from hj_cosim.config import RobotSettings
 from hj_cosim.errors import TableError
-from hj_cosim.reachability.lookup import TableArrays, shift_of_grid, value_at
 from hj_cosim.reachability.manoeuvres import Manoeuvres, guaranteed, write_path, write_reach
+from hj_cosim.reachability.target_formula import target_at
 from hj_cosim.reachability.value_table import ValueTable
 
 # m of V. What must be left after the control; covers what the manoeuvres' steps are wrong by, so that the manoeuvre
 # that was seen to remain does so in the next step.
 RESERVE = 0.1
 # m of V. Cars with more are not looked at: so far above the bound no table is between its nodes.
-HIGHEST = 20.0
+HIGHEST = 10.0
 PASSED, ESCAPING, NO_ESCAPE = 0, 1, 2  # verdicts
 
 
@@ -55,33 +55,32 @@ def manoeuvres_for(table: ValueTable, robot: RobotSettings) -> Manoeuvres:
     )
 
 
+class Extent(NamedTuple):
+    """What of its grid tells where a look-up says "safe" for want of nodes; unpacked faster than the whole table."""
+
+    lower_x: float  # m, of the first axis
+    upper_x: float
+    lower_y: float  # m
+    upper_y: float
+    braking_shear: float  # s²/m
+
+    @classmethod
+    def of(cls, table: ValueTable) -> "Extent":
+        """Return a table's."""
+        arrays = table.arrays
+        return cls(arrays.lower[0], arrays.upper[0], arrays.lower[1], arrays.upper[1], arrays.braking_shear)
+
+
 @njit(cache=True)
-def is_to_be_looked_at(table: TableArrays, value: float, p_x: float, p_y: float, v_r: float, v_o: float) -> bool:
+def is_to_be_looked_at(extent: Extent, value: float, p_x: float, p_y: float, v_r: float, v_o: float) -> bool:
     """Return whether an escape has to be kept from a car; the state as in a look-up, and V, m.
 
     One beside the table, where a look-up says "safe", too: a robot that comes back into the table too fast, and turned
     towards the car, has V <= 0 as soon as it is there.
     """
-    xi = p_x - shift_of_grid(table, v_r, v_o)
-    beside = (p_y < table.lower[1] or p_y > table.upper[1]) and table.lower[0] <= xi <= table.upper[0]
+    xi = p_x - extent.braking_shear * (v_o * v_o - v_r * v_r)
+    beside = (p_y < extent.lower_y or p_y > extent.upper_y) and extent.lower_x <= xi <= extent.upper_x
     return value <= HIGHEST or beside
-
-
-@njit(cache=True)
-def cars_to_look_at(
-    table: TableArrays, robot: np.ndarray, x: np.ndarray, y: np.ndarray, speed: np.ndarray, epsilon: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cars that an escape has to be kept from, (J, 3) p_x, p_y, v, and which of them are in K, (J,) bool."""
-    others, in_k = np.empty((len(x), 3)), np.empty(len(x), np.bool_)
-    count = 0
-    for j in range(len(x)):
-        p_x, p_y = robot[0] - x[j], robot[1] - y[j]
-        value = value_at(table, p_x, p_y, robot[2], robot[3], speed[j])
-        if is_to_be_looked_at(table, value, p_x, p_y, robot[3], speed[j]):
-            others[count, 0], others[count, 1], others[count, 2] = x[j], y[j], speed[j]
-            in_k[count] = value <= epsilon
-            count += 1
-    return others[:count], in_k[:count]
 
 
 class _Start(NamedTuple):
@@ -176,6 +175,10 @@ def keep_escape(
     Returns:
         ω, a and the verdict: PASSED, ESCAPING or NO_ESCAPE, in which case the control is the one asked for.
     """
+    for j in range(len(others)):  # nothing escapes from the target set; that is quickly seen
+        p_x, p_y = robot[0] - others[j, 0], robot[1] - others[j, 1]
+        if in_k[j] and target_at(manoeuvres.game.target, p_x, p_y, robot[2], robot[3], others[j, 2]) <= 0.0:
+            return omega, acceleration, NO_ESCAPE
     paths = np.empty((len(manoeuvres.heading), len(manoeuvres.steps) + 2, 6))
     written, minded = np.zeros(len(paths), np.bool_), in_k.copy()
     after = _Start(robot[2], robot[3], omega, acceleration, step)
@@ -195,6 +198,32 @@ def keep_escape(
     omega_max = manoeuvres.game.omega_max
     turning = min(max((manoeuvres.heading[best] - robot[2]) / step, -omega_max), omega_max)
     return turning, manoeuvres.acceleration[best], ESCAPING
+
+
+@njit(cache=True)
+def keep_escape_in_traffic(
+    manoeuvres: Manoeuvres,
+    extent: Extent,
+    robot: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    speed: np.ndarray,
+    values: np.ndarray,
+    epsilon: float,
+    omega: float,
+    acceleration: float,
+    step: float,
+) -> tuple[float, float, int]:
+    """Return what `keep_escape` does among all cars, (J,) arrays in m, m, m/s and m; those with V <= ε are in K."""
+    others, in_k = np.empty((len(x), 3)), np.empty(len(x), np.bool_)
+    count = 0
+    for j in range(len(x)):
+        p_x, p_y = robot[0] - x[j], robot[1] - y[j]
+        if is_to_be_looked_at(extent, values[j], p_x, p_y, robot[3], speed[j]):
+            others[count, 0], others[count, 1], others[count, 2] = x[j], y[j], speed[j]
+            in_k[count] = values[j] <= epsilon
+            count += 1
+    return keep_escape(manoeuvres, robot, others[:count], in_k[:count], omega, acceleration, step)
 
 
 @njit(cache=True, nogil=True)

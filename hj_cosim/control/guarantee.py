@@ -12,11 +12,11 @@ way has five causes, and every rollout that enters the target set is put down to
   or the horizon is too short), so that the loss ∫ t dt is at least half of the fall;
 - time step: V fell although the rows were met, for the control is held for a step while the gradient changes.
 
-Of 100,000 rollouts with the default table, ε = 2 and an escape kept (`escape`) none enters and none collides; of SPC alone
-2.8 % enter. With the table as solved, without its cap (`reachability.manoeuvre_cap`), 16 % do, and 9 % with an escape kept:
-in all of these there was none at the start. A grid along p_x instead of along the braking distances: 40 and 17 %. For
-want of nodes or of a longer horizon it is not: each axis made 1.5 times finer, and 8 s instead of 3, change the 16 % by
-a tenth at most.
+Of 100,000 rollouts with the default table, ε = 2 and an escape kept (`escape`) none enters and none collides; of SPC
+alone 2.8 % enter. With the table as solved, without its cap (`reachability.manoeuvre_cap`), 16 % do, and 9 % with an
+escape kept: in all of these there was none at the start. A grid along p_x instead of along the braking distances: 40
+and 17 %. It is not for want of nodes or of a longer horizon: each axis made 1.5 times finer, and 8 s instead of 3,
+change the 16 % by a tenth at most.
 """
 
 import math
@@ -28,7 +28,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from hj_cosim.config import FilterSettings, RobotSettings, TrackingSettings
-from hj_cosim.control.escape import can_escape, manoeuvres_for
+from hj_cosim.control.escape import Extent, can_escape, manoeuvres_for
 from hj_cosim.control.hji_rows import Disturbance
 from hj_cosim.control.rollouts import COLLIDE, CRUISE, RANDOM, RANDOM_HOLD, Game, roll_out_all
 from hj_cosim.control.safety_problem import SafetyWeights
@@ -150,6 +150,7 @@ def _game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, 
         recovery=spc.recovery,
         step=settings.step,
         other=Disturbance.of(table),
+        extent=Extent.of(table),
         manoeuvres=manoeuvres_for(table, robot) if spc.keep_escape else NO_MANOEUVRES,
         driver=np.array([0.0, 3.0, 5.0, 1.5, 5.0, 4.0]),  # SPEC section 4's means; the desired speed is each car's own
         k_theta=TrackingSettings().k_theta,

@@ -92,8 +92,8 @@ def hji_rows(
     epsilon: float,
     recovery: float,
     other: Disturbance,
-) -> tuple[np.ndarray, np.ndarray, float, int]:
-    """Return the rows of the cars in K, and the least value of all.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, int]:
+    """Return the rows of the cars in K, and all values.
 
     One pass: a car beyond the table in p_x or p_y costs a comparison, one with V > ε a look-up, and only one
     in K a gradient.
@@ -107,18 +107,20 @@ def hji_rows(
         other: limits of the other car's controls.
 
     Returns:
-        the cars in K, (K,) int indices; their rows, (4, K), V, p, q, c; the least V of all cars, +inf if none
-        is within the table, NaN if the observation or a row is not possible; the index of its car, −1 if none.
+        the cars in K, (K,) int indices; their rows, (4, K), V, p, q, c; V of all cars, (J,), +inf of those that are
+        not within the table; the least of them, NaN if the observation or a row is not possible; the index of its
+        car, −1 if none.
     """
     cars = np.empty(len(x), dtype=np.int64)
     rows = np.empty((4, len(x)))
-    gradient = np.empty(5)
+    values, gradient = np.empty(len(x)), np.empty(5)
     count, least, nearest = 0, math.inf, -1
     if not is_possible(robot, x, y, heading, speed):
-        return cars[:0], rows[:, :0], math.nan, -1
+        return cars[:0], rows[:, :0], values[:0], math.nan, -1
     for j in range(len(x)):
         p_x, p_y = robot[0] - x[j], robot[1] - y[j]
         value = value_at(table, p_x, p_y, robot[2], robot[3], speed[j])
+        values[j] = value
         if value < least:
             least, nearest = value, j
         if value > epsilon:
@@ -131,6 +133,6 @@ def hji_rows(
         rows[3, count] = worst_drift(gradient, robot[2], robot[3], speed[j], other)
         rows[3, count] -= recovery_rate(value, epsilon, recovery)
         if not abs(value) + abs(rows[1, count]) + abs(rows[2, count]) + abs(rows[3, count]) <= LARGEST_COEFFICIENT:
-            return cars[:0], rows[:, :0], math.nan, -1
+            return cars[:0], rows[:, :0], values[:0], math.nan, -1
         count += 1
-    return cars[:count], rows[:, :count], least, nearest
+    return cars[:count], rows[:, :count], values, least, nearest

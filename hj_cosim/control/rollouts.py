@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.control.enumeration import least_cost_control
-from hj_cosim.control.escape import is_to_be_looked_at, keep_escape
+from hj_cosim.control.escape import Extent, is_to_be_looked_at, keep_escape
 from hj_cosim.control.hji_rows import Disturbance, recovery_rate, worst_drift
 from hj_cosim.control.safety_problem import available_controls
 from hj_cosim.reachability.lookup import TableArrays, shift_of_grid, value_and_gradient_at
@@ -36,6 +36,7 @@ class Game(NamedTuple):
     recovery: float
     step: float
     other: Disturbance
+    extent: Extent
     manoeuvres: Manoeuvres  # that one is to remain of, or NO_MANOEUVRES
     driver: np.ndarray  # (6,) IDM parameters
     k_theta: float
@@ -136,7 +137,7 @@ def _roll_out(
                 least = value
                 steepest[0], steepest[1] = gradients[j, 2], gradients[j, 3]
             in_k[j] = value <= game.epsilon
-            if is_to_be_looked_at(game.table, value, relative[0], relative[1], relative[3], relative[4]):
+            if is_to_be_looked_at(game.extent, value, relative[0], relative[1], relative[3], relative[4]):
                 looked_at[near] = j
                 near += 1
             if in_k[j]:

@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from hj_cosim.config import FilterSettings, RobotSettings
-from hj_cosim.control.escape import ESCAPING, NO_ESCAPE, cars_to_look_at, keep_escape, manoeuvres_for
+from hj_cosim.control.escape import ESCAPING, NO_ESCAPE, Extent, keep_escape_in_traffic, manoeuvres_for
 from hj_cosim.control.hji_rows import Disturbance, hji_rows
 from hj_cosim.control.rss_rows import NEVER_SEEN, Response, rss_rows
 from hj_cosim.control.safety_problem import SafetyRows, SafetySolver, available_controls, least_slack
@@ -99,7 +99,8 @@ class _Sight(NamedTuple):
 
     cars: np.ndarray  # (K,) int, indices of the cars in K
     rows: np.ndarray  # (4, K) V, p, q, c
-    value: float  # m, the least V of all cars
+    values: np.ndarray  # (J,) m, V of all cars
+    value: float  # m, the least of them
     value_vehicle: int
 
 
@@ -134,7 +135,7 @@ class _Door:
 
     def _look(self, observation: Observation, epsilon: float) -> _Sight | None:
         """Return what the table says about all cars, or None where it cannot be judged."""
-        cars, rows, value, nearest = hji_rows(
+        cars, rows, values, value, nearest = hji_rows(
             self._arrays,
             observation.robot,
             observation.x,
@@ -147,7 +148,7 @@ class _Door:
         )
         if math.isnan(value):
             return None
-        return _Sight(cars, rows, value, NOBODY if nearest < 0 else int(observation.vehicle[nearest]))
+        return _Sight(cars, rows, values, value, NOBODY if nearest < 0 else int(observation.vehicle[nearest]))
 
     def _unjudged(self, observation: Observation) -> FilterResult:
         self.counts[NOT_JUDGED] += 1
@@ -194,11 +195,11 @@ class _Intervening(_Door, ABC):
         wanted = self._wanted(observation, desired)
         rows, constraints = found
         if constraints == 0:
-            return self._escaping(observation, self._unfiltered(wanted, sight))
+            return self._escaping(observation, sight, self._unfiltered(wanted, sight))
         result = self._solve(rows, constraints, wanted, self._available(observation.robot), sight)
-        return self._escaping(observation, result)
+        return self._escaping(observation, sight, result)
 
-    def _escaping(self, observation: Observation, result: FilterResult) -> FilterResult:
+    def _escaping(self, observation: Observation, sight: _Sight, result: FilterResult) -> FilterResult:
         """Return the result, or one whose control is a manoeuvre's where the result's would leave no escape."""
         return result
 
@@ -244,6 +245,7 @@ class SafetyPreservingFilter(_Intervening):
         self._step = step
         self._recovery = settings.recovery
         self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
+        self._extent = Extent.of(table)
         # Within these, no control leads beyond the bounds in one step, and the limits themselves are available.
         turn = robot.omega_max * step
         self._free_heading = (self._bounds[0] + turn, self._bounds[1] - turn)
@@ -268,21 +270,29 @@ class SafetyPreservingFilter(_Intervening):
             return self._limits
         return available_controls(self._limits, heading, speed, self._bounds, self._step)
 
-    def _escaping(self, observation: Observation, result: FilterResult) -> FilterResult:
+    def _escaping(self, observation: Observation, sight: _Sight, result: FilterResult) -> FilterResult:
         if len(self._manoeuvres.heading) == 0:
             return result
-        robot, asked, box = observation.robot, result.control, self._available(observation.robot)
-        others, in_k = cars_to_look_at(
-            self._arrays, robot, observation.x, observation.y, observation.speed, self._settings.epsilon
-        )
-        omega, acceleration, verdict = keep_escape(
-            self._manoeuvres, robot, others, in_k, asked.omega, asked.acceleration, self._step
+        robot, asked = observation.robot, result.control
+        omega, acceleration, verdict = keep_escape_in_traffic(
+            self._manoeuvres,
+            self._extent,
+            robot,
+            observation.x,
+            observation.y,
+            observation.speed,
+            sight.values,
+            self._settings.epsilon,
+            asked.omega,
+            asked.acceleration,
+            self._step,
         )
         if verdict == NO_ESCAPE:
             self.counts[HAD_NO_ESCAPE] += 1
         if verdict != ESCAPING:
             return result
         self.counts[ESCAPED] += 1
+        box = self._available(robot)
         control = Control(min(max(omega, box[0]), box[1]), min(max(acceleration, box[2]), box[3]))
         slack = max(-float(result.rows.margins(control.omega, control.acceleration).min(initial=0.0)), 0.0)
         return replace(result, control=control, escaping=True, slack=slack)

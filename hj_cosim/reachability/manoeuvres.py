@@ -96,9 +96,10 @@ def manoeuvres_of(parameters: Mapping[str, float], grid: Grid) -> Manoeuvres:
 
 
 @njit(cache=True)
-def _write_instant(target: TargetFormula, x: float, y: float, heading: float, speed: float, row: np.ndarray) -> None:
-    """Write what the gaps need of the robot at one instant, (6,)."""
-    sin, cos = math.sin(heading), math.cos(heading)
+def _write_instant(
+    target: TargetFormula, x: float, y: float, sin: float, cos: float, speed: float, row: np.ndarray
+) -> None:
+    """Write what the gaps need of the robot at one instant, (6,); sine and cosine are its heading's."""
     turned = 0.5 * (target.length * abs(sin) + target.width * (1.0 + cos))  # between the centres of touching bodies
     row[_X], row[_Y] = x, y
     row[_AS_REAR] = target.rear_0 + speed * (target.rear_1 + speed * target.rear_2)
@@ -149,7 +150,8 @@ def write_path(
     new_heading, new_acceleration = manoeuvres.heading[which], manoeuvres.acceleration[which]
     target, top = game.target, game.speed_max
     speed = min(max(speed, 0.0), top)
-    _write_instant(target, x, y, heading, speed, path[0])
+    sin, cos = math.sin(heading), math.cos(heading)
+    _write_instant(target, x, y, sin, cos, speed, path[0])
     for instant in range(1, len(path)):
         if instant == 1:
             step, turning, gain = held, held, acceleration
@@ -165,11 +167,12 @@ def write_path(
             x += driven * math.cos(middle)
             y += driven * math.sin(middle)
             heading = end
+            sin, cos = math.sin(heading), math.cos(heading)
         if turning < step:
             driven, speed = _driven(speed, gain, step - turning, top)
-            x += driven * math.cos(heading)
-            y += driven * math.sin(heading)
-        _write_instant(target, x, y, heading, speed, path[instant])
+            x += driven * cos
+            y += driven * sin
+        _write_instant(target, x, y, sin, cos, speed, path[instant])
 
 
 @njit(cache=True)
