@@ -313,7 +313,15 @@ def read_specification(path: Path) -> TableSpecification:
             f" {dynamics.dimension} axes: {', '.join(dynamics.state)}"
         )
     dynamics.parameter_values(specification.parameters, str(path))
+    _require_manoeuvres(specification, dynamics, str(path))
     return specification
+
+
+def _require_manoeuvres(specification: TableSpecification, dynamics: Dynamics, name: str) -> None:
+    if specification.capped_by_manoeuvres and dynamics.target is not highway.target:
+        raise ConfigurationError(
+            f"{name}: capped_by_manoeuvres is for the highway game, whose manoeuvres are known, not for {dynamics.name}"
+        )
 
 
 def table_path(specification_path: Path) -> Path:
@@ -342,10 +350,7 @@ def solve_table(specification: TableSpecification | str, progress: Progress | No
         name = str(find_specification(specification))
         specification = read_specification(Path(name))
     dynamics = find_dynamics(specification.dynamics)
-    if specification.capped_by_manoeuvres and dynamics.target is not highway.target:
-        raise ConfigurationError(
-            f"{name}: capped_by_manoeuvres is for the highway game, whose manoeuvres are known, not for {dynamics.name}"
-        )
+    _require_manoeuvres(specification, dynamics, name)
     values, report = solve(specification, dynamics, name, progress)
     if specification.capped_by_manoeuvres:
         grid = Grid.from_settings(specification.grid, dynamics.boundary)

@@ -7,7 +7,7 @@ from hj_cosim.config import TableSpecification
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.reachability.manoeuvre_cap import capped
 from hj_cosim.reachability.manoeuvres import lower_bounds
-from hj_cosim.reachability.value_table import solve_table
+from hj_cosim.reachability.value_table import load_table, solve_table
 
 
 def test_a_cap_takes_from_a_table_what_no_manoeuvre_guarantees_and_nothing_else(small_table):
@@ -50,3 +50,13 @@ def test_a_capped_specification_gives_a_capped_table(small_table):
 def test_only_the_highway_game_can_be_capped(braking: TableSpecification):
     with pytest.raises(ConfigurationError, match="capped_by_manoeuvres is for the highway game"):
         solve_table(braking.model_copy(update={"capped_by_manoeuvres": True}))
+
+
+def test_a_file_that_caps_another_game_is_named(tmp_path):
+    path = tmp_path / "walls.toml"
+    path.write_text(
+        'dynamics = "double_integrator"\ncapped_by_manoeuvres = true\n'
+        "[grid]\nlower = [-2.0, -2.0]\nupper = [2.0, 2.0]\nshape = [21, 21]\n"
+    )
+    with pytest.raises(ConfigurationError, match=r"walls\.toml: capped_by_manoeuvres"):
+        load_table(str(path))
