@@ -56,11 +56,6 @@ class Manoeuvres(NamedTuple):
     # Apart from the arrays: jitted code counts references to every array of a tuple that it hands on.
     game: Game
 
-    @property
-    def instants(self) -> int:
-        """How many instants a path has: now, after a control was held, and after each step."""
-        return len(self.steps) + 2
-
 
 # For who keeps no escape.
 NO_MANOEUVRES = Manoeuvres(

@@ -6,6 +6,7 @@ import pytest
 
 from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
 from hj_cosim.errors import ConfigurationError
+from hj_cosim.reachability.value_table import find_specification, read_specification
 
 
 @pytest.fixture
@@ -13,6 +14,13 @@ def scenario_with_fast_drivers(tmp_path):
     path = tmp_path / "fast.toml"
     path.write_text("[drivers.desired_speed]\nmean = 28.0\ndeviation = 2.0\n")
     return str(path)
+
+
+def test_best_keeps_an_escape_on_a_capped_table_and_paper_does_neither_of_it():
+    for preset, both in (("best", True), ("paper", False)):
+        config = resolve_config("paper", preset=preset)
+        assert config.filter.keep_escape is both
+        assert read_specification(find_specification(config.table)).capped_by_manoeuvres is both
 
 
 def test_preset_lies_over_the_defaults_and_under_the_scenario(scenario_with_fast_drivers):
