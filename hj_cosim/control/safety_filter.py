@@ -246,6 +246,12 @@ class SafetyPreservingFilter(_Intervening):
         self._recovery = settings.recovery
         self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
         self._extent = Extent.of(table)
+        if settings.keep_escape:
+            # Compiled here, not in the first step of a drive: Ctrl-C while Numba compiles may be lost.
+            nobody = np.empty(0)
+            keep_escape_in_traffic(
+                self._manoeuvres, self._extent, np.zeros(4), nobody, nobody, nobody, nobody, 0.0, 0.0, 0.0, step
+            )
         # Within these, no control leads beyond the bounds in one step, and the limits themselves are available.
         turn = robot.omega_max * step
         self._free_heading = (self._bounds[0] + turn, self._bounds[1] - turn)
