@@ -7,12 +7,16 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
-from hj_cosim.cli import main
-from hj_cosim.reachability.value_table import ValueTable, load_table
+from hj_cosim.cli.commands import main
+from hj_cosim.reachability.table.table import ValueTable, load_table
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))  # for the modules that tests share, in processes forked from ours too
+# Property tests take the same examples every time, however long one takes on a busy machine.
+settings.register_profile("repeatable", deadline=None, derandomize=True)
+settings.load_profile("repeatable")
 
 
 @pytest.fixture(scope="session")

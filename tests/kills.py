@@ -24,9 +24,9 @@ import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
-from hj_cosim.cli import main
+from hj_cosim.cli.commands import main
 from hj_cosim.files import UNFINISHED
-from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.reachability.table.table import ValueTable
 
 A_FEW_CARS = "[traffic]\ncount = 6\ncount_behind = 2\n"
 WATCHING = 0.0002  # s between two looks at a folder

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from hj_cosim.cli import main
+from hj_cosim.cli.commands import main
 from hj_cosim.locations import specifications_folder
 
 # Each case: what --set is given, and what the answer must name beside the key and the value.

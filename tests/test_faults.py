@@ -11,13 +11,13 @@ import pytest
 
 from hj_cosim import run_episode
 from hj_cosim.analysis.replay import write_replay
-from hj_cosim.analysis.run_folder import read_run
 from hj_cosim.cosim import episode
 from hj_cosim.files import UNFINISHED
 from hj_cosim.locations import scenarios_folder
-from hj_cosim.reachability import value_table
-from hj_cosim.reachability.value_table import load_table
-from hj_cosim.traffic import sumo_world
+from hj_cosim.reachability.table import table as value_table
+from hj_cosim.reachability.table.table import load_table
+from hj_cosim.recording.run_folder import read_run
+from hj_cosim.traffic.sumo import world as sumo_world
 
 FEW_CARS = '[traffic]\ncount = 6\ncount_behind = 2\n[network]\nfile = "mine.net.xml"\n'
 # Nobody may write here: not even the superuser, whom permissions do not bind.

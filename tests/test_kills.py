@@ -5,7 +5,7 @@ import random
 import kills
 import pytest
 
-from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.reachability.table.table import ValueTable
 
 
 @pytest.mark.parametrize(("make", "seed"), [(kills.a_run, 1), (kills.a_solve, 2)])

@@ -15,11 +15,11 @@ import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from hj_cosim.analysis.run_bounds import open_columns
-from hj_cosim.analysis.run_folder import TRAJECTORIES, read_config, road_of
 from hj_cosim.errors import OutputError, RunFolderError
 from hj_cosim.files import whole_file
-from hj_cosim.vehicles.road import Road
+from hj_cosim.recording.run_bounds import open_columns
+from hj_cosim.recording.run_folder import TRAJECTORIES, read_config, road_of
+from hj_cosim.scene.road import Road
 
 # What each format's file is called when no name is given.
 DEFAULT_NAMES = {"csv": "trajectories.csv", "parquet": "trajectories.plain.parquet", "fcd": "trajectories.fcd.xml"}

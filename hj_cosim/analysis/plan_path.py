@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hj_cosim.analysis.record import RunRecord
+from hj_cosim.recording.record import RunRecord
 
 HORIZON = 3.0  # s
 POINTS = 31

@@ -16,11 +16,11 @@ from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.road_view import body_corners
 from hj_cosim.analysis.figures.value_plot import value_colours
 from hj_cosim.analysis.plan_path import plan_path
-from hj_cosim.analysis.run_folder import Run
 from hj_cosim.analysis.values import car_values
 from hj_cosim.errors import OutputError
 from hj_cosim.files import whole_file
-from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.recording.run_folder import Run
 
 FRAME_TIME = {".gif": 0.08, ".mp4": 0.04}  # s; a GIF counts in hundredths
 BEHIND, AHEAD = 50.0, 100.0  # m in view

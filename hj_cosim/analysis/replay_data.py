@@ -8,9 +8,9 @@ import numpy as np
 
 from hj_cosim.analysis.figures.value_plot import VALUE_LIMIT, value_colours
 from hj_cosim.analysis.plan_path import LATERAL_RATE, SPEED_RATE
-from hj_cosim.analysis.record import RunRecord
 from hj_cosim.analysis.values import car_values
-from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.recording.record import RunRecord
 
 NEAR = 120.0  # m, cars within this are shown
 BYTES_PER_CAR = 32  # of a sample: eight numbers of four bytes

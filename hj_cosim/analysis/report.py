@@ -20,10 +20,10 @@ from hj_cosim.analysis.figures.gallery import TEXT_COLUMNS, draw_figure, read_st
 from hj_cosim.analysis.figures.stacks import STACK_COLUMNS
 from hj_cosim.analysis.figures.style import save_drawing
 from hj_cosim.analysis.replay_data import replay_data
-from hj_cosim.analysis.run_folder import ROBOT, Run, read_run
 from hj_cosim.errors import RunFolderError
 from hj_cosim.files import temporary_folder, whole_file
-from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.recording.run_folder import ROBOT, Run, read_run
 
 REPORT = "report.html"
 RUN_FIGURES = {

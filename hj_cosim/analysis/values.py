@@ -5,9 +5,9 @@ import math
 import numpy as np
 from numba import njit
 
-from hj_cosim.analysis.record import RunRecord
-from hj_cosim.reachability.lookup import TableArrays, value_at
-from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.reachability.table.lookup import TableArrays, value_at
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.recording.record import RunRecord
 
 
 def car_values(record: RunRecord, table: ValueTable) -> np.ndarray:

@@ -7,11 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from hj_cosim.config import FilterSettings, RobotSettings, SimulationSettings
+from hj_cosim.control.problem.safety_problem import SafetyRows, SafetySolver
 from hj_cosim.control.safety_filter import make_filter
-from hj_cosim.control.safety_problem import SafetyRows, SafetySolver
-from hj_cosim.reachability.value_table import ValueTable
-from hj_cosim.vehicles.observation import Control, Observation
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.scene.observation import Control, Observation
+from hj_cosim.settings import FilterSettings, RobotSettings, SimulationSettings
 
 KINDS: tuple[Literal["spc", "rss"], ...] = ("spc", "rss")
 

@@ -14,14 +14,14 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from hj_cosim.config import FilterSettings, RobotSettings
-from hj_cosim.control.escape import ESCAPING, NO_ESCAPE, Extent, keep_escape_in_traffic, manoeuvres_for
-from hj_cosim.control.hji_rows import Disturbance, hji_rows
-from hj_cosim.control.rss_rows import NEVER_SEEN, Response, rss_rows
-from hj_cosim.control.safety_problem import SafetyRows, SafetySolver, available_controls, least_slack
-from hj_cosim.reachability.manoeuvres import NO_MANOEUVRES
-from hj_cosim.reachability.value_table import ValueTable
-from hj_cosim.vehicles.observation import Control, Observation
+from hj_cosim.control.problem.safety_problem import SafetyRows, SafetySolver, available_controls, least_slack
+from hj_cosim.control.rss.rss_rows import NEVER_SEEN, Response, rss_rows
+from hj_cosim.control.spc.escape import ESCAPING, NO_ESCAPE, Extent, keep_escape_in_traffic, manoeuvres_for
+from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
+from hj_cosim.reachability.games.highway.rows import Disturbance, hji_rows
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.scene.observation import Control, Observation
+from hj_cosim.settings import FilterSettings, RobotSettings
 
 NOBODY = -1
 # What filters count, beside the backends that failed.

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from hj_cosim.config import RobotSettings, TrackingSettings
-from hj_cosim.vehicles.observation import Control, Target
-from hj_cosim.vehicles.road import Road
+from hj_cosim.scene.observation import Control, Target
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import RobotSettings, TrackingSettings
 
 
 def tracking_control(

@@ -5,12 +5,12 @@ from typing import Any
 
 import tomli_w
 
-from hj_cosim.config import PRESETS, DriverSettings, EpisodeConfig, overlay, parse_assignment, shown, validate
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import scenarios_folder
+from hj_cosim.settings import PRESETS, DriverSettings, EpisodeConfig, overlay, parse_assignment, shown, validate
 from hj_cosim.traffic.network import read_road
-from hj_cosim.traffic.placement import initial_traffic
-from hj_cosim.traffic.scenarios import network_path, scenario_data, scenario_path
+from hj_cosim.traffic.sources.placement import initial_traffic
+from hj_cosim.traffic.sources.scenarios import network_path, scenario_data, scenario_path
 
 
 def resolve_config(

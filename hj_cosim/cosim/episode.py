@@ -9,11 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hj_cosim.analysis.metrics import collides
-from hj_cosim.analysis.record import RunRecord
-from hj_cosim.analysis.run_folder import FIGURES, read_run, require_free_folder, write_run
-from hj_cosim.analysis.summary import summarize
-from hj_cosim.config import EpisodeConfig
+from hj_cosim.control.problem.safety_problem import FAILED
 from hj_cosim.control.safety_filter import (
     DESIRED_NOT_FINITE,
     ESCAPED,
@@ -22,22 +18,26 @@ from hj_cosim.control.safety_filter import (
     SafetyFilter,
     make_filter,
 )
-from hj_cosim.control.safety_problem import FAILED
 from hj_cosim.control.tracking import tracking_control
 from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
-from hj_cosim.cosim.promise_audit import PromiseAudit
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.errors import SimulationError
 from hj_cosim.files import file_name
 from hj_cosim.locations import runs_folder
-from hj_cosim.planning.optimistic import make_planner
-from hj_cosim.planning.planner import Plan, Planner
-from hj_cosim.planning.tree_search import IDLE
-from hj_cosim.reachability.value_table import ValueTable, load_table
-from hj_cosim.traffic.sumo_world import SumoWorld
-from hj_cosim.traffic.world import World
+from hj_cosim.metrics.summary import summarize
+from hj_cosim.metrics.threats import collides
+from hj_cosim.planning.contract import Plan, Planner
+from hj_cosim.planning.optimistic.planner import make_planner
+from hj_cosim.planning.optimistic.tree_search import IDLE
+from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.recording.record import RunRecord
+from hj_cosim.recording.run_folder import FIGURES, read_run, require_free_folder, write_run
+from hj_cosim.scene.observation import FARTHEST, Observation, Target, is_possible
+from hj_cosim.settings import EpisodeConfig
+from hj_cosim.traffic.contract import World
+from hj_cosim.traffic.sumo.world import SumoWorld
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
-from hj_cosim.vehicles.observation import FARTHEST, Observation, Target, is_possible
+from hj_cosim.verification.promise_audit import PromiseAudit
 
 Progress = Callable[[int, int], None]  # samples driven, samples in all
 

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hj_cosim.analysis.metrics import threat_track
-from hj_cosim.analysis.record import RobotTrack, RunRecord, TrafficTrack
-from hj_cosim.config import RobotSettings
 from hj_cosim.control.safety_filter import FilterResult
-from hj_cosim.planning.planner import Plan
-from hj_cosim.vehicles.observation import Control, Observation
-from hj_cosim.vehicles.road import Road
+from hj_cosim.metrics.threats import threat_track
+from hj_cosim.planning.contract import Plan
+from hj_cosim.recording.record import RobotTrack, RunRecord, TrafficTrack
+from hj_cosim.scene.observation import Control, Observation
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import RobotSettings
 
 
 class Recorder:

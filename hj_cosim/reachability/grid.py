@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hj_cosim.config import Boundary, GridSettings
+from hj_cosim.settings import Boundary, GridSettings
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from hj_cosim.analysis.run_folder import whole_folder
 from hj_cosim.errors import HjCosimError, WorkerError
 from hj_cosim.files import temporary_folder, whole_file
+from hj_cosim.recording.run_folder import whole_folder
 from hj_cosim.study.jobs import EpisodeFunction, EpisodeJob, Outcome
 
 RunFiles = Mapping[str, bytes | None]  # the content of a run folder by path; None for a folder in it

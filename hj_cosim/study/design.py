@@ -5,10 +5,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hj_cosim.config import EpisodeConfig, overlay, parse_assignment
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.files import file_name
+from hj_cosim.settings import EpisodeConfig, overlay, parse_assignment
 from hj_cosim.study.stacks import PAPER_STACKS, Stack
 
 # What a row of the table says of itself; varying it would make the row say something else than what was driven.

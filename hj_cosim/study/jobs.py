@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 
-from hj_cosim.config import EpisodeConfig
+from hj_cosim.settings import EpisodeConfig
 
 Keep = Literal["all", "robot"]
 

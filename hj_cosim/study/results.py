@@ -9,8 +9,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from hj_cosim.analysis.run_folder import CONFIG, ROBOT, SUMMARY
 from hj_cosim.errors import RunFolderError
+from hj_cosim.recording.run_folder import CONFIG, ROBOT, SUMMARY
 from hj_cosim.study.statistics import SAMPLE_COLUMNS, EpisodeResult
 
 WINDOW = 10.0  # s, over which the paper's trade-off figure takes its points

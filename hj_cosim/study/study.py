@@ -12,7 +12,7 @@ import pandas as pd
 
 from hj_cosim import __version__
 from hj_cosim.locations import runs_folder
-from hj_cosim.reachability.value_table import find_specification, load_table, specification_hash, table_path
+from hj_cosim.reachability.table.table import find_specification, load_table, specification_hash, table_path
 from hj_cosim.study.claims import claim_table
 from hj_cosim.study.cluster import DaskCluster
 from hj_cosim.study.design import StudyDesign, design_study, parse_variation

@@ -8,7 +8,7 @@ from xml.parsers import expat
 import numpy as np
 
 from hj_cosim.errors import NetworkError
-from hj_cosim.vehicles.road import Road
+from hj_cosim.scene.road import Road
 
 # What counts as straight, parallel and equally wide (m), and as parallel (rad): above the centimetres that nets are
 # rounded to, below what a planner or a table would notice.

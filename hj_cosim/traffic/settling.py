@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from hj_cosim.config import DriverSettings
+from hj_cosim.scene.observation import Observation
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import DriverSettings
 from hj_cosim.vehicles.idm import DESIRED_SPEED, idm_acceleration
-from hj_cosim.vehicles.observation import Observation
-from hj_cosim.vehicles.road import Road
 
 
 def mean_driver(settings: DriverSettings) -> np.ndarray:

@@ -5,11 +5,11 @@ import pandas as pd
 import pytest
 import sumolib.xml
 
-from hj_cosim.analysis import run_folder
 from hj_cosim.analysis.export import export_run
-from hj_cosim.analysis.run_folder import write_run
 from hj_cosim.errors import OutputError, RunFolderError
-from hj_cosim.vehicles.road import Road
+from hj_cosim.recording import run_folder
+from hj_cosim.recording.run_folder import write_run
+from hj_cosim.scene.road import Road
 
 FCD_NUMBERS = ("x", "y", "angle", "speed", "pos", "acceleration")
 CONFIG = '[scenario]\nname = "synthetic"\n[scenario.network]\nedge = "high & way"\n'

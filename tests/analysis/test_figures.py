@@ -18,9 +18,9 @@ from hj_cosim.analysis.figures.timeline import timeline
 from hj_cosim.analysis.figures.trade_off import trade_off
 from hj_cosim.analysis.figures.value_along_drive import value_along_drive
 from hj_cosim.analysis.figures.value_slice import value_slice
-from hj_cosim.analysis.run_folder import Run
-from hj_cosim.config import PlannerSettings
 from hj_cosim.errors import HjCosimError, OutputError
+from hj_cosim.recording.run_folder import Run
+from hj_cosim.settings import PlannerSettings
 
 STACKS = [("hjop", "spc", "mi"), ("op", "rss", "sw"), ("op", "none", "-")]
 

@@ -9,9 +9,9 @@ from PIL import Image, ImageSequence
 from hj_cosim.analysis.figures.value_plot import value_colours
 from hj_cosim.analysis.plan_path import plan_path
 from hj_cosim.analysis.replay import AHEAD, BEHIND, HEADER, WIDTH, FrameArtist, frame_samples, write_replay
-from hj_cosim.analysis.run_folder import Run
 from hj_cosim.analysis.values import car_values
 from hj_cosim.errors import OutputError
+from hj_cosim.recording.run_folder import Run
 
 CODER = """#!{python}
 import pathlib, sys

@@ -16,8 +16,8 @@ import pytest
 
 from hj_cosim.analysis import report
 from hj_cosim.analysis.report import write_report
-from hj_cosim.analysis.run_folder import Run, read_run
 from hj_cosim.analysis.values import car_values
+from hj_cosim.recording.run_folder import Run, read_run
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = (

@@ -12,16 +12,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hj_cosim.analysis.metrics import threat_track
-from hj_cosim.analysis.record import RobotTrack, RunRecord, ThreatTrack, TrafficTrack
 from hj_cosim.analysis.replay import write_replay
 from hj_cosim.analysis.report import write_report
-from hj_cosim.analysis.run_folder import read_run, write_run
-from hj_cosim.analysis.summary import summarize
-from hj_cosim.config import EpisodeConfig, Scenario
 from hj_cosim.cosim.configuration import config_toml
-from hj_cosim.reachability.value_table import load_table
-from hj_cosim.vehicles.road import Road
+from hj_cosim.metrics.summary import summarize
+from hj_cosim.metrics.threats import threat_track
+from hj_cosim.reachability.table.table import load_table
+from hj_cosim.recording.record import RobotTrack, RunRecord, ThreatTrack, TrafficTrack
+from hj_cosim.recording.run_folder import read_run, write_run
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import EpisodeConfig, Scenario
 
 CONFIG = EpisodeConfig(scenario=Scenario(name="benchmark"))
 REPEATS = 5

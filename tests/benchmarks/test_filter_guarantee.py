@@ -8,9 +8,9 @@ import dataclasses
 
 import pytest
 
-from hj_cosim.config import FilterSettings, GridSettings, TableSpecification
-from hj_cosim.control.guarantee import GuaranteeReport, RolloutSettings, measure_guarantee
-from hj_cosim.reachability.value_table import ValueTable, load_table, solve_table
+from hj_cosim.reachability.table.table import ValueTable, load_table, solve_table
+from hj_cosim.settings import FilterSettings, GridSettings, TableSpecification
+from hj_cosim.verification.guarantee import GuaranteeReport, RolloutSettings, measure_guarantee
 
 MANY = RolloutSettings(rollouts=100_000)
 FEWER = dataclasses.replace(MANY, rollouts=10_000)

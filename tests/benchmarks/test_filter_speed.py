@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 import qpsolvers
 
-from hj_cosim.config import FilterSettings, RobotSettings
-from hj_cosim.control.enumeration import least_cost_control
-from hj_cosim.control.hji_rows import Disturbance, hji_rows
+from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.control.safety_filter import make_filter
-from hj_cosim.reachability.value_table import ValueTable, load_table
-from hj_cosim.vehicles.observation import Control, Observation
+from hj_cosim.reachability.games.highway.rows import Disturbance, hji_rows
+from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.scene.observation import Control, Observation
+from hj_cosim.settings import FilterSettings, RobotSettings
 
 CARS = 100
 # The filter is one thread: its CPU time is the wall time of a machine that does nothing else.

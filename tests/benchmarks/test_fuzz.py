@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hj_cosim.config import FilterSettings, RobotSettings, TrackingSettings
 from hj_cosim.control.safety_filter import make_filter
 from hj_cosim.control.tracking import tracking_control
-from hj_cosim.reachability.value_table import ValueTable, load_table
+from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.scene.observation import Control, Target
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import FilterSettings, RobotSettings, TrackingSettings
 from hj_cosim.vehicles.bicycle import SLOWEST_FULL_TURN, bicycle_step, steering_for
-from hj_cosim.vehicles.observation import Control, Target
-from hj_cosim.vehicles.road import Road
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "control"))
 

@@ -9,15 +9,15 @@ import matplotlib
 import numpy as np
 import pytest
 
-from hj_cosim.config import DriverSettings, PlannerSettings, RobotSettings
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import run_in_sumo
-from hj_cosim.planning.optimistic import OptimisticPlanner
-from hj_cosim.reachability.value_table import ValueTable, load_table
-from hj_cosim.traffic.scenarios import load_scenario
-from hj_cosim.traffic.sumo_world import SumoWorld
-from hj_cosim.vehicles.observation import Observation, Target
-from hj_cosim.vehicles.road import Road
+from hj_cosim.planning.optimistic.planner import OptimisticPlanner
+from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.scene.observation import Observation, Target
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
+from hj_cosim.traffic.sources.scenarios import load_scenario
+from hj_cosim.traffic.sumo.world import SumoWorld
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt

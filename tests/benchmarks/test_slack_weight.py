@@ -5,10 +5,10 @@ import pytest
 from hj_cosim.control.safety_filter import FilterResult, SafetyFilter, make_filter
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import drive
-from hj_cosim.planning.optimistic import make_planner
-from hj_cosim.reachability.value_table import load_table
-from hj_cosim.traffic.sumo_world import SumoWorld
-from hj_cosim.vehicles.observation import Control, Observation
+from hj_cosim.planning.optimistic.planner import make_planner
+from hj_cosim.reachability.table.table import load_table
+from hj_cosim.scene.observation import Control, Observation
+from hj_cosim.traffic.sumo.world import SumoWorld
 
 SEEDS = range(600, 620)
 UNMET = 1e-3  # m/s of slack

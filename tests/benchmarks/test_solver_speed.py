@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from numba import njit
 
-from hj_cosim.config import Scheme, TableSpecification
 from hj_cosim.reachability.grid import Grid
-from hj_cosim.reachability.lookup import values_and_gradients
-from hj_cosim.reachability.value_table import load_table, solve_table
+from hj_cosim.reachability.table.lookup import values_and_gradients
+from hj_cosim.reachability.table.table import load_table, solve_table
+from hj_cosim.settings import Scheme, TableSpecification
 
 TESTS = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(TESTS / "reachability"))
@@ -77,8 +77,8 @@ def test_the_solver_beside_its_peer(benchmark, scheme: Scheme, wanted: float) ->
 
 MEMORY_PROBE = """
 import json, sys
-from hj_cosim.config import TableSpecification
-from hj_cosim.reachability.value_table import solve_table
+from hj_cosim.settings import TableSpecification
+from hj_cosim.reachability.table.table import solve_table
 
 def peak():  # kB; of this program alone, while getrusage's goes on from the process that started it
     lines = open("/proc/self/status").read().splitlines()

@@ -10,18 +10,18 @@ from typing import Any
 import libsumo
 import pytest
 
-from hj_cosim.analysis.summary import summarize
 from hj_cosim.control.safety_filter import make_filter
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import Episode, drive, run_in_sumo, write_episode
 from hj_cosim.cosim.recorder import Recorder
-from hj_cosim.planning.optimistic import make_planner
-from hj_cosim.reachability.value_table import find_specification, load_table, table_path
+from hj_cosim.metrics.summary import summarize
+from hj_cosim.planning.optimistic.planner import make_planner
+from hj_cosim.reachability.table.table import find_specification, load_table, table_path
 from hj_cosim.study.design import design_study
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.folder import StudyFolder
 from hj_cosim.study.local_workers import LocalWorkers
-from hj_cosim.traffic.sumo_world import SumoWorld
+from hj_cosim.traffic.sumo.world import SumoWorld
 
 EPISODES_A_STACK = 2
 TABLE_OF_THE_PAPER = 200  # episodes

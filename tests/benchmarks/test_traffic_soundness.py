@@ -8,11 +8,11 @@ import libsumo
 import numpy as np
 import pytest
 
-from hj_cosim.config import RobotSettings
-from hj_cosim.traffic.scenarios import load_scenario, scenario_names
+from hj_cosim.scene.observation import Observation
+from hj_cosim.settings import RobotSettings
 from hj_cosim.traffic.settling import follow_lane, robot_driver
-from hj_cosim.traffic.sumo_world import ROBOT, SumoWorld
-from hj_cosim.vehicles.observation import Observation
+from hj_cosim.traffic.sources.scenarios import load_scenario, scenario_names
+from hj_cosim.traffic.sumo.world import ROBOT, SumoWorld
 
 STEP = 0.02
 SETTLING = 3.0  # s

@@ -9,12 +9,12 @@ import matplotlib
 import numpy as np
 import pytest
 
-from hj_cosim.config import NetworkSettings, RobotSettings, Scenario, TrafficSettings
 from hj_cosim.control.safety_filter import make_filter
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import drive
-from hj_cosim.planning.optimistic import make_planner
-from hj_cosim.traffic.sumo_world import ROBOT, SumoWorld
+from hj_cosim.planning.optimistic.planner import make_planner
+from hj_cosim.settings import NetworkSettings, RobotSettings, Scenario, TrafficSettings
+from hj_cosim.traffic.sumo.world import ROBOT, SumoWorld
 
 matplotlib.use("Agg")
 

@@ -10,18 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import settings
 
-from hj_cosim.config import GridSettings, TableSpecification
-from hj_cosim.reachability.dynamics import Dynamics, find_dynamics
-from hj_cosim.reachability.value_table import ValueTable
-from hj_cosim.vehicles.observation import Observation
+from hj_cosim.reachability.games.catalogue import find_dynamics
+from hj_cosim.reachability.games.contract import Dynamics
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.scene.observation import Observation
+from hj_cosim.settings import GridSettings, TableSpecification
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))  # extreme_scenes
 
 # Property tests take the same examples every time, however long one takes on a busy machine.
-settings.register_profile("repeatable", deadline=None, derandomize=True)
-settings.load_profile("repeatable")
 
 SPECIFICATION = TableSpecification(
     dynamics="highway",

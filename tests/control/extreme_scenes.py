@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from hj_cosim.vehicles.observation import Control, Observation
+from hj_cosim.scene.observation import Control, Observation
 
 NOT_FINITE = (math.nan, math.inf, -math.inf)
 # What a robot may meet: at rest, hardly moving, at the bounds of the table, at its own, just beyond.

@@ -3,11 +3,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hj_cosim.config import FilterSettings, RobotSettings
 from hj_cosim.control.control_sets import control_sets, intersection_polygon
+from hj_cosim.control.problem.safety_problem import SafetyRows
 from hj_cosim.control.safety_filter import make_filter
-from hj_cosim.control.safety_problem import SafetyRows
-from hj_cosim.vehicles.observation import Control
+from hj_cosim.scene.observation import Control
+from hj_cosim.settings import FilterSettings, RobotSettings
 
 BOX = np.array([-0.3, 0.3, -6.0, 4.0])
 ROBOT = RobotSettings()

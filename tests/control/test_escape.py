@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from hj_cosim.config import FilterSettings, RobotSettings
-from hj_cosim.control.escape import ESCAPING, NO_ESCAPE, PASSED, can_escape, keep_escape, manoeuvres_for
-from hj_cosim.control.guarantee import RolloutSettings, measure_guarantee
 from hj_cosim.control.safety_filter import ESCAPED, HAD_NO_ESCAPE, make_filter
+from hj_cosim.control.spc.escape import ESCAPING, NO_ESCAPE, PASSED, can_escape, keep_escape, manoeuvres_for
 from hj_cosim.errors import TableError
-from hj_cosim.reachability.manoeuvres import lower_bounds
-from hj_cosim.vehicles.observation import Control
+from hj_cosim.reachability.games.highway.manoeuvres import lower_bounds
+from hj_cosim.scene.observation import Control
+from hj_cosim.settings import FilterSettings, RobotSettings
+from hj_cosim.verification.guarantee import RolloutSettings, measure_guarantee
 
 ROBOT, STEP = RobotSettings(), 0.02
 FULL_SPEED = (0.0, 4.0)  # ω, a

@@ -2,9 +2,9 @@ import dataclasses
 
 import pytest
 
-from hj_cosim.config import FilterSettings
-from hj_cosim.control.guarantee import CAUSES, RolloutSettings, measure_guarantee
 from hj_cosim.errors import ConfigurationError
+from hj_cosim.settings import FilterSettings
+from hj_cosim.verification.guarantee import CAUSES, RolloutSettings, measure_guarantee
 
 FEW = RolloutSettings(rollouts=60, duration=2.0, seed=1)
 

@@ -3,11 +3,11 @@ import math
 import numpy as np
 import pytest
 
-from hj_cosim.config import FilterSettings, RobotSettings
-from hj_cosim.control.hji_rows import recovery_rate
-from hj_cosim.control.promise import promise_kept, promised_rate, realised_value_rates
 from hj_cosim.control.safety_filter import make_filter
-from hj_cosim.vehicles.observation import Control
+from hj_cosim.reachability.games.highway.rows import recovery_rate
+from hj_cosim.scene.observation import Control
+from hj_cosim.settings import FilterSettings, RobotSettings
+from hj_cosim.verification.promise import promise_kept, promised_rate, realised_value_rates
 
 ROBOT = RobotSettings()
 

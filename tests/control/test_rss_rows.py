@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hj_cosim.config import FilterSettings, RobotSettings, RssParameters
-from hj_cosim.control.rss_rows import NEVER_SEEN, Response, rss_rows
+from hj_cosim.control.rss.rss_rows import NEVER_SEEN, Response, rss_rows
 from hj_cosim.control.safety_filter import make_filter
-from hj_cosim.vehicles.observation import Control
+from hj_cosim.scene.observation import Control
+from hj_cosim.settings import FilterSettings, RobotSettings, RssParameters
 
 CASES = json.loads((Path(__file__).parent / "fixtures" / "rss_proper_response.json").read_text(encoding="utf-8"))
 # The library's defaults, the ego's for both cars; the cases' outcome is the same with ρ = 2 s for the other.

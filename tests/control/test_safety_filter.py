@@ -7,11 +7,11 @@ from extreme_scenes import draw_desired, draw_scene
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hj_cosim.config import FilterSettings, RobotSettings
-from hj_cosim.control.hji_rows import Disturbance, worst_drift
 from hj_cosim.control.safety_filter import NOBODY, make_filter
-from hj_cosim.reachability.lookup import value_and_gradient_at
-from hj_cosim.vehicles.observation import Control
+from hj_cosim.reachability.games.highway.rows import Disturbance, worst_drift
+from hj_cosim.reachability.table.lookup import value_and_gradient_at
+from hj_cosim.scene.observation import Control
+from hj_cosim.settings import FilterSettings, RobotSettings
 
 ROBOT = RobotSettings()
 STEP = 0.02

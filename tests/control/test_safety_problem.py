@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from hj_cosim.config import FilterSettings, RobotSettings
-from hj_cosim.control.safety_problem import (
+from hj_cosim.control.problem.safety_problem import (
     ENUMERATION,
     NOT_NEEDED,
     SafetyRows,
@@ -22,6 +21,7 @@ from hj_cosim.control.safety_problem import (
     least_slack,
 )
 from hj_cosim.errors import ConfigurationError
+from hj_cosim.settings import FilterSettings, RobotSettings
 
 CASES = json.loads((Path(__file__).parent / "fixtures" / "safety_qp.json").read_text(encoding="utf-8"))
 ROBOT = RobotSettings()

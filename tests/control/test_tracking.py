@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hj_cosim.config import RobotSettings, TrackingSettings
 from hj_cosim.control.tracking import tracking_control
+from hj_cosim.scene.observation import Target
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import RobotSettings, TrackingSettings
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
-from hj_cosim.vehicles.observation import Target
-from hj_cosim.vehicles.road import Road
 
 ROAD, ROBOT, GAINS = Road(lane_count=4), RobotSettings(), TrackingSettings()
 

@@ -9,15 +9,15 @@ import pandas as pd
 import pytest
 
 from hj_cosim import run_episode
-from hj_cosim.config import CarStart, RobotSettings
 from hj_cosim.control.safety_filter import make_filter
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import drive, fallback_summary
 from hj_cosim.errors import HjCosimError, RunFolderError, SimulationError
-from hj_cosim.planning.optimistic import make_planner
-from hj_cosim.planning.planner import Plan
-from hj_cosim.traffic.fake_world import FakeWorld
-from hj_cosim.vehicles.observation import Target
+from hj_cosim.planning.contract import Plan
+from hj_cosim.planning.optimistic.planner import make_planner
+from hj_cosim.scene.observation import Target
+from hj_cosim.settings import CarStart, RobotSettings
+from hj_cosim.traffic.fake import FakeWorld
 
 
 def drive_in_fake_world(cars, table, *settings):

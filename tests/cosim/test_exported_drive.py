@@ -9,15 +9,15 @@ import pytest
 import sumolib.xml
 
 from hj_cosim.analysis.export import export_run
-from hj_cosim.analysis.run_folder import write_run
 from hj_cosim.control.safety_filter import make_filter
 from hj_cosim.cosim.configuration import config_toml, resolve_config
 from hj_cosim.cosim.episode import drive
 from hj_cosim.locations import scenarios_folder
-from hj_cosim.planning.planner import Plan
-from hj_cosim.planning.tree_search import LEFT
-from hj_cosim.traffic.sumo_world import GHOST, SumoWorld
-from hj_cosim.vehicles.observation import Observation, Target
+from hj_cosim.planning.contract import Plan
+from hj_cosim.planning.optimistic.tree_search import LEFT
+from hj_cosim.recording.run_folder import write_run
+from hj_cosim.scene.observation import Observation, Target
+from hj_cosim.traffic.sumo.world import GHOST, SumoWorld
 
 SAMPLES = 120
 

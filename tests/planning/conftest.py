@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from hj_cosim.config import DriverSettings, PlannerSettings, RobotSettings
-from hj_cosim.planning.tree_search import LEFT, RIGHT
-from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.planning.optimistic.tree_search import LEFT, RIGHT
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.scene.observation import Observation, Target
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 from hj_cosim.vehicles.idm import idm_acceleration
 from hj_cosim.vehicles.mobil import lane_change_incentive, mobil_parameters
-from hj_cosim.vehicles.observation import Observation, Target
-from hj_cosim.vehicles.road import Road
 
 
 def observed(

@@ -3,14 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hj_cosim.config import DriverSettings, PlannerSettings, RobotSettings
-from hj_cosim.planning.optimistic import OptimisticPlanner, make_planner, occupied_lanes
-from hj_cosim.planning.planner import IdlePlanner, Plan, Planner
-from hj_cosim.planning.tree_search import IDLE, LEFT, RIGHT
-from hj_cosim.traffic.fake_world import FakeWorld
-from hj_cosim.traffic.scenarios import load_scenario
-from hj_cosim.vehicles.observation import Target
-from hj_cosim.vehicles.road import Road
+from hj_cosim.planning.contract import IdlePlanner, Plan, Planner
+from hj_cosim.planning.optimistic.planner import OptimisticPlanner, make_planner, occupied_lanes
+from hj_cosim.planning.optimistic.tree_search import IDLE, LEFT, RIGHT
+from hj_cosim.scene.observation import Target
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
+from hj_cosim.traffic.fake import FakeWorld
+from hj_cosim.traffic.sources.scenarios import load_scenario
 
 PAPER = {"expansions": 40, "value_clip": 5.0}
 

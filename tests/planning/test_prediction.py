@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hj_cosim.config import DriverSettings, PlannerSettings, RobotSettings
-from hj_cosim.planning.optimistic import OptimisticPlanner
-from hj_cosim.planning.prediction import approach, instants_within
-from hj_cosim.vehicles.observation import Target
-from hj_cosim.vehicles.road import Road
+from hj_cosim.planning.optimistic.planner import OptimisticPlanner
+from hj_cosim.planning.optimistic.prediction import approach, instants_within
+from hj_cosim.scene.observation import Target
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 
 
 @pytest.mark.parametrize("kind", ["op", "hjop"])

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from hj_cosim.config import PlannerSettings, RobotSettings
-from hj_cosim.planning.optimistic import OptimisticPlanner
-from hj_cosim.planning.tree_search import IDLE
-from hj_cosim.traffic.scenarios import load_scenario
-from hj_cosim.traffic.sumo_world import SumoWorld
-from hj_cosim.vehicles.observation import Target
+from hj_cosim.planning.optimistic.planner import OptimisticPlanner
+from hj_cosim.planning.optimistic.tree_search import IDLE
+from hj_cosim.scene.observation import Target
+from hj_cosim.settings import PlannerSettings, RobotSettings
+from hj_cosim.traffic.sources.scenarios import load_scenario
+from hj_cosim.traffic.sumo.world import SumoWorld
 
 STEP = 0.02
 SECONDS = 5

@@ -2,9 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hj_cosim.config import PlannerSettings
-from hj_cosim.planning.reward import driving_reward, reward_model, total_reward
-from hj_cosim.vehicles.road import Road
+from hj_cosim.planning.optimistic.reward import driving_reward, reward_model, total_reward
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import PlannerSettings
 
 ROAD = Road(4)
 

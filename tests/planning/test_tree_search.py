@@ -4,11 +4,21 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
-from hj_cosim.config import DriverSettings, PlannerSettings, RobotSettings
-from hj_cosim.planning.optimistic import OptimisticPlanner
-from hj_cosim.planning.tree_search import FASTER, IDLE, LEFT, NODE, RIGHT, SLOWER, empty_tree, pop_leaf, push_leaf
-from hj_cosim.vehicles.observation import Target
-from hj_cosim.vehicles.road import Road
+from hj_cosim.planning.optimistic.planner import OptimisticPlanner
+from hj_cosim.planning.optimistic.tree_search import (
+    FASTER,
+    IDLE,
+    LEFT,
+    NODE,
+    RIGHT,
+    SLOWER,
+    empty_tree,
+    pop_leaf,
+    push_leaf,
+)
+from hj_cosim.scene.observation import Target
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 
 ROAD = Road(4)
 

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from hj_cosim.config import GridSettings, TableSpecification
-from hj_cosim.reachability.value_table import ValueTable, read_specification, solve_table
+from hj_cosim.reachability.table.table import ValueTable, read_specification, solve_table
+from hj_cosim.settings import GridSettings, TableSpecification
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))

@@ -6,9 +6,9 @@ import hj_reachability as hj
 import jax.numpy as jnp
 import numpy as np
 
-from hj_cosim.config import TableSpecification
-from hj_cosim.reachability.dynamics import find_dynamics
+from hj_cosim.reachability.games.catalogue import find_dynamics
 from hj_cosim.reachability.grid import Grid
+from hj_cosim.settings import TableSpecification
 
 
 class PeerHighway(hj.dynamics.Dynamics):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hj_cosim.config import GridSettings, Scheme, TableSpecification
+from hj_cosim.settings import GridSettings, Scheme, TableSpecification
 
 
 def air3d() -> TableSpecification:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from hj_cosim.config import TableSpecification
-from hj_cosim.reachability.dynamics import Dynamics
+from hj_cosim.reachability.games.contract import Dynamics
 from hj_cosim.reachability.grid import Grid
-from hj_cosim.reachability.solver import state_limits
+from hj_cosim.reachability.solver.solver import state_limits
+from hj_cosim.settings import TableSpecification
 
 
 def pad(values: np.ndarray, axis: int, width: int, boundary: str) -> np.ndarray:

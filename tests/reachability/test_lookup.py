@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from hj_cosim.config import TableSpecification
-from hj_cosim.reachability.lookup import TableArrays, value_and_gradient_at, value_at, values_and_gradients
-from hj_cosim.reachability.systems import highway
-from hj_cosim.reachability.target_formula import TargetFormula, target_and_gradient_at, target_at
-from hj_cosim.reachability.value_table import ValueTable, solve_table
+from hj_cosim.reachability.games.highway import game as highway
+from hj_cosim.reachability.games.highway.target import TargetFormula, target_and_gradient_at, target_at
+from hj_cosim.reachability.table.lookup import TableArrays, value_and_gradient_at, value_at, values_and_gradients
+from hj_cosim.reachability.table.table import ValueTable, solve_table
+from hj_cosim.settings import TableSpecification
 
 AXES = (
     np.linspace(-60.0, 60.0, 13),

@@ -3,11 +3,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from hj_cosim.config import TableSpecification
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.reachability.manoeuvre_cap import capped
-from hj_cosim.reachability.manoeuvres import lower_bounds
-from hj_cosim.reachability.value_table import load_table, solve_table
+from hj_cosim.reachability.games.highway.manoeuvre_cap import capped
+from hj_cosim.reachability.games.highway.manoeuvres import lower_bounds
+from hj_cosim.reachability.table.table import load_table, solve_table
+from hj_cosim.settings import TableSpecification
 
 
 def test_a_cap_takes_from_a_table_what_no_manoeuvre_guarantees_and_nothing_else(small_table):

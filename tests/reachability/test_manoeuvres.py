@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from hj_cosim.config import TableSpecification
 from hj_cosim.errors import TableError
-from hj_cosim.reachability.manoeuvres import Manoeuvres, lower_bounds
-from hj_cosim.reachability.value_table import ValueTable, solve_table
+from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres, lower_bounds
+from hj_cosim.reachability.table.table import ValueTable, solve_table
+from hj_cosim.settings import TableSpecification
 
 STEP, DURATION = 0.01, 7.9  # s; of the brute force
 TOLERANCE = 0.05  # m, what the manoeuvres' steps may be wrong by where V is small

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from hj_cosim.config import TableSpecification
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.reachability.quality import check_table, finer_specifications
-from hj_cosim.reachability.rollouts import play, states_near_zero
-from hj_cosim.reachability.slices import value_slice
-from hj_cosim.reachability.value_table import ValueTable, solve_table
+from hj_cosim.reachability.table.slices import value_slice
+from hj_cosim.reachability.table.table import ValueTable, solve_table
+from hj_cosim.settings import TableSpecification
+from hj_cosim.verification.table_games import play, states_near_zero
+from hj_cosim.verification.table_quality import check_table, finer_specifications
 
 
 def test_a_finer_table_keeps_its_promises_better(braking: TableSpecification) -> None:

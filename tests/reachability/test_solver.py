@@ -6,12 +6,12 @@ import pytest
 from peer_cases import air3d, highway, sampled_nodes
 from reference import solve_first_order
 
-from hj_cosim.config import GridSettings, TableSpecification
 from hj_cosim.errors import TableError
-from hj_cosim.reachability.dynamics import find_dynamics
+from hj_cosim.reachability.games.catalogue import find_dynamics
 from hj_cosim.reachability.grid import Grid
-from hj_cosim.reachability.solver import solve
-from hj_cosim.reachability.value_table import ValueTable, solve_table
+from hj_cosim.reachability.solver.solver import solve
+from hj_cosim.reachability.table.table import ValueTable, solve_table
+from hj_cosim.settings import GridSettings, TableSpecification
 
 FIXTURES = Path(__file__).resolve().parent / "fixtures"
 

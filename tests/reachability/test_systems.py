@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.reachability.dynamics import Dynamics, find_dynamics
+from hj_cosim.reachability.games.catalogue import find_dynamics
+from hj_cosim.reachability.games.contract import Dynamics
 
 UNLIMITED = np.array([[-np.inf], [np.inf]], np.float32)
 
 USER_DYNAMICS = """
-from hj_cosim.reachability.dynamics import Dynamics, state_function
+from hj_cosim.reachability.games.contract import Dynamics, state_function
 
 @state_function
 def target(x, c, out):

@@ -13,7 +13,7 @@ from test_systems import USER_DYNAMICS
 from test_value_table import SPECIFICATION
 
 from hj_cosim.errors import TableError
-from hj_cosim.reachability.value_table import ValueTable, load_table
+from hj_cosim.reachability.table.table import ValueTable, load_table
 
 Members = dict[str, bytes]
 MEGABYTE = 2**20

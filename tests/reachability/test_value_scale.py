@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hj_cosim.reachability.value_scale import cube_root, scaled, steepness, unscaled
+from hj_cosim.reachability.table.value_scale import cube_root, scaled, steepness, unscaled
 
 
 def test_the_cube_root_is_numpys() -> None:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from test_systems import USER_DYNAMICS
 
-from hj_cosim.config import GridSettings, TableSpecification
 from hj_cosim.errors import ConfigurationError, TableError
-from hj_cosim.reachability import value_table
-from hj_cosim.reachability.dynamics import find_dynamics
-from hj_cosim.reachability.lookup import values_and_gradients
-from hj_cosim.reachability.value_table import ValueTable, load_table, read_specification, solve_table
+from hj_cosim.reachability.games.catalogue import find_dynamics
+from hj_cosim.reachability.table import table as value_table
+from hj_cosim.reachability.table.lookup import values_and_gradients
+from hj_cosim.reachability.table.table import ValueTable, load_table, read_specification, solve_table
+from hj_cosim.settings import GridSettings, TableSpecification
 
 SPECIFICATION = """
 dynamics = "double_integrator"

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from hj_cosim.analysis.record import RobotTrack, RunRecord, ThreatTrack, TrafficTrack
-from hj_cosim.analysis.run_folder import write_run
-from hj_cosim.config import EpisodeConfig
 from hj_cosim.cosim.configuration import config_toml
 from hj_cosim.errors import SimulationError
+from hj_cosim.recording.record import RobotTrack, RunRecord, ThreatTrack, TrafficTrack
+from hj_cosim.recording.run_folder import write_run
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import EpisodeConfig
 from hj_cosim.study.jobs import EpisodeJob
-from hj_cosim.vehicles.road import Road
 
 UNLUCKY_SEED = 1
 SAMPLES, STEP = 1000, 0.02

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from hj_cosim.analysis.summary import summarize
-from hj_cosim.config import EpisodeConfig, PlannerSettings, Scenario
+from hj_cosim.metrics.summary import summarize
+from hj_cosim.settings import EpisodeConfig, PlannerSettings, Scenario
 from hj_cosim.study.statistics import COLLISION_EPISODES, SAMPLE_COLUMNS, EpisodeResult, RowStatistics, replicates
 
 PAPERS = ("ttc_ge_3", "ttc_p10", "ttc_p1", "btn_le_1", "btn_p90", "stn_le_1", "stn_p90", "mean_speed")

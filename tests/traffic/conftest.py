@@ -6,7 +6,7 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
-from hj_cosim.config import (
+from hj_cosim.settings import (
     CarStart,
     DriverSettings,
     NormalDistribution,
@@ -15,7 +15,7 @@ from hj_cosim.config import (
     Scenario,
     TrafficSettings,
 )
-from hj_cosim.traffic.sumo_world import SumoWorld
+from hj_cosim.traffic.sumo.world import SumoWorld
 
 STEP = 0.02
 

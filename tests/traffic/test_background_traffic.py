@@ -7,12 +7,12 @@ import libsumo
 import numpy as np
 import pytest
 
-from hj_cosim.config import CarStart, RobotSettings, RobotStart, Scenario, TrafficSettings
 from hj_cosim.errors import SimulationError
-from hj_cosim.traffic import sumo_world
-from hj_cosim.traffic.scenarios import load_scenario
+from hj_cosim.settings import CarStart, RobotSettings, RobotStart, Scenario, TrafficSettings
 from hj_cosim.traffic.settling import follow_lane, robot_driver
-from hj_cosim.traffic.sumo_world import SumoWorld
+from hj_cosim.traffic.sources.scenarios import load_scenario
+from hj_cosim.traffic.sumo import world as sumo_world
+from hj_cosim.traffic.sumo.world import SumoWorld
 from hj_cosim.vehicles.idm import idm_acceleration
 
 STEP = 0.02
@@ -206,7 +206,7 @@ def test_sumos_warnings_reach_the_log_and_not_the_terminal(open_scene, caplog, c
     world = open_scene([CarStart(lane=1, x=5.2, speed=0.0)], speed=20.0)
     for _ in drive(world, 0.2):
         pass
-    with caplog.at_level(logging.WARNING, logger="hj_cosim.traffic.sumo_world"):
+    with caplog.at_level(logging.WARNING, logger="hj_cosim.traffic.sumo.world"):
         world.close()
     assert any("collision" in message for message in caplog.messages)
     assert "collision" not in "".join(capfd.readouterr())

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from hj_cosim.config import NetworkSettings, RobotSettings, RobotStart, Scenario, TrafficSettings
 from hj_cosim.errors import NetworkError, SimulationError
 from hj_cosim.locations import scenarios_folder
+from hj_cosim.settings import NetworkSettings, RobotSettings, RobotStart, Scenario, TrafficSettings
 from hj_cosim.traffic.network import read_road
-from hj_cosim.traffic.scenarios import network_path
-from hj_cosim.traffic.sumo_world import SumoWorld
+from hj_cosim.traffic.sources.scenarios import network_path
+from hj_cosim.traffic.sumo.world import SumoWorld
 
 
 def net(tmp_path, lanes: list[str], edge: str = "main", before: str = "", internal: str = ""):

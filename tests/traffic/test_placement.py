@@ -5,9 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
-from hj_cosim.config import CarStart, NormalDistribution, RobotSettings, RobotStart, Scenario, TrafficSettings
 from hj_cosim.errors import ScenarioError
-from hj_cosim.traffic.placement import (
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import CarStart, NormalDistribution, RobotSettings, RobotStart, Scenario, TrafficSettings
+from hj_cosim.traffic.settling import mean_driver
+from hj_cosim.traffic.sources.placement import (
     CAR_LENGTH,
     density,
     draw_drivers,
@@ -16,10 +18,8 @@ from hj_cosim.traffic.placement import (
     stream_speed,
     truncated_normal,
 )
-from hj_cosim.traffic.scenarios import load_scenario
-from hj_cosim.traffic.settling import mean_driver
+from hj_cosim.traffic.sources.scenarios import load_scenario
 from hj_cosim.vehicles.idm import DESIRED_SPEED, PARAMETER_NAMES, equilibrium_speed, idm_acceleration
-from hj_cosim.vehicles.road import Road
 
 SCENARIOS = {"light": 4, "paper": 4, "dense": 4, "jam": 4, "two_lanes": 2, "six_lanes": 6}
 

@@ -4,10 +4,10 @@ import tomllib
 
 import pytest
 
-from hj_cosim.config import EpisodeConfig, Scenario, validate
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.traffic.catalogue import list_scenarios, scenario_schema, scenario_template
-from hj_cosim.traffic.scenarios import load_scenario, scenario_data, scenario_names
+from hj_cosim.settings import EpisodeConfig, Scenario, validate
+from hj_cosim.traffic.sources.catalogue import list_scenarios, scenario_schema, scenario_template
+from hj_cosim.traffic.sources.scenarios import load_scenario, scenario_data, scenario_names
 
 
 def test_every_scenario_of_sumo_net_is_valid_and_described():

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from hj_cosim.config import CarStart, DriverSettings
-from hj_cosim.traffic.fake_world import FakeWorld
+from hj_cosim.settings import CarStart, DriverSettings
+from hj_cosim.traffic.contract import World
+from hj_cosim.traffic.fake import FakeWorld
 from hj_cosim.traffic.settling import follow_lane, robot_driver
-from hj_cosim.traffic.world import World
 from hj_cosim.vehicles.idm import idm_acceleration
 
 

@@ -6,11 +6,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
-from hj_cosim.analysis.run_folder import Run
-from hj_cosim.config import FilterSettings, RobotSettings
 from hj_cosim.control.safety_filter import FilterResult, make_filter
-from hj_cosim.reachability.value_table import ValueTable
-from hj_cosim.vehicles.observation import Control
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.recording.run_folder import Run
+from hj_cosim.scene.observation import Control
+from hj_cosim.settings import FilterSettings, RobotSettings
 
 FILTERS = (("spc", "SPC"), ("rss", "RSS"))
 SCHEMES = (("mi", "MI", style.BLUE, "o", 6), ("sw", "SW", style.PURPLE, "s", 10))

@@ -20,13 +20,13 @@ from hj_cosim.analysis.figures.timeline import timeline
 from hj_cosim.analysis.figures.trade_off import trade_off
 from hj_cosim.analysis.figures.value_along_drive import value_along_drive
 from hj_cosim.analysis.figures.value_slice import value_slice
-from hj_cosim.analysis.run_folder import CONFIG, Run, read_config, read_run
-from hj_cosim.config import Scenario, read_toml, validate
 from hj_cosim.errors import OutputError, RunFolderError, TableError
-from hj_cosim.reachability.value_table import ValueTable, find_specification, load_table
+from hj_cosim.reachability.table.table import ValueTable, find_specification, load_table
+from hj_cosim.recording.run_folder import CONFIG, Run, read_config, read_run
+from hj_cosim.settings import Scenario, read_toml, validate
 from hj_cosim.traffic.network import read_road
-from hj_cosim.traffic.placement import density
-from hj_cosim.traffic.scenarios import network_path
+from hj_cosim.traffic.sources.placement import density
+from hj_cosim.traffic.sources.scenarios import network_path
 
 Source = Literal["run", "study", "table"]
 DEFAULT_TABLE = "highway"

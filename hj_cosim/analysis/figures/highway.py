@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.road_view import draw_cars, draw_scene, scene_rows
 from hj_cosim.analysis.figures.value_plot import value_colours, value_scale
-from hj_cosim.analysis.run_folder import Run
 from hj_cosim.analysis.values import car_values
-from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.recording.run_folder import Run
 
 BEHIND, AHEAD = 60.0, 120.0  # m
 

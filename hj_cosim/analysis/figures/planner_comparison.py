@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.staged import Situation
-from hj_cosim.config import DriverSettings, PlannerSettings, RobotSettings
-from hj_cosim.planning.optimistic import OptimisticPlanner
-from hj_cosim.planning.planner import Plan
-from hj_cosim.reachability.value_table import ValueTable
-from hj_cosim.vehicles.observation import Target
+from hj_cosim.planning.contract import Plan
+from hj_cosim.planning.optimistic.planner import OptimisticPlanner
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.scene.observation import Target
+from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 
 BEHIND, AHEAD = 30.0, 110.0  # m
 STEPS = 2

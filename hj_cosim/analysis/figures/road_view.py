@@ -6,8 +6,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.patches import Rectangle
 
 from hj_cosim.analysis.figures import style
-from hj_cosim.analysis.record import RunRecord
-from hj_cosim.vehicles.road import Road
+from hj_cosim.recording.record import RunRecord
+from hj_cosim.scene.road import Road
 
 
 def draw_road(axes: Axes, road: Road, start: float, stop: float) -> None:

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.staged import Situation
 from hj_cosim.analysis.figures.value_plot import draw_value_contours
-from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.reachability.table.table import ValueTable
 
 BEHIND, AHEAD = 40.0, 80.0  # m
 WEAVING = Situation.of(1, 25.0, [(28.0, 1, 19.0), (-18.0, 2, 25.0), (55.0, 3, 22.0), (12.0, 0, 22.0)])

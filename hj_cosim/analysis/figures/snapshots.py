@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.road_view import draw_scene, scene_rows
-from hj_cosim.analysis.record import RunRecord
-from hj_cosim.analysis.run_folder import Run
+from hj_cosim.recording.record import RunRecord
+from hj_cosim.recording.run_folder import Run
 
 SNAPSHOTS = 6
 BEHIND, AHEAD = 50.0, 110.0  # m

@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 
 from hj_cosim.analysis.figures.road_view import draw_cars, draw_road, draw_robot
 from hj_cosim.analysis.values import value_field
-from hj_cosim.reachability.value_table import ValueTable
-from hj_cosim.vehicles.observation import Observation
-from hj_cosim.vehicles.road import Road
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.scene.observation import Observation
+from hj_cosim.scene.road import Road
 
 CAR_LENGTH, CAR_WIDTH = 5.0, 2.0  # m
 

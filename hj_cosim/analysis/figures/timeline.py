@@ -6,8 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
-from hj_cosim.analysis.run_folder import Run
-from hj_cosim.analysis.summary import SAFE_TTC
+from hj_cosim.metrics.summary import SAFE_TTC
+from hj_cosim.recording.run_folder import Run
 
 VALUE_TICKS = (-1000.0, -100.0, -30.0, -10.0, -5.0, 0.0, 5.0, 10.0, 30.0, 100.0, 1000.0)  # m
 LARGEST_TTC = 100.0  # s, what is longer is drawn at the top edge

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.timeline import shade
 from hj_cosim.analysis.figures.value_plot import value_scale
-from hj_cosim.analysis.run_folder import Run
 from hj_cosim.analysis.values import car_values
-from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.recording.run_folder import Run
 
 EVERY = 5  # samples: at 50 Hz a point each 0.1 s
 VIEW = 80.0  # m ahead and behind

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.value_plot import draw_value_contours
 from hj_cosim.analysis.values import value_field
-from hj_cosim.reachability.value_table import ValueTable
+from hj_cosim.reachability.table.table import ValueTable
 
 POINTS_ALONG, POINTS_ASIDE = 401, 161
 

@@ -1,0 +1,1 @@
+"""The filters' small quadratic program."""

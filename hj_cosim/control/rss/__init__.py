@@ -1,0 +1,1 @@
+"""The RSS proper response, the paper's baseline."""

@@ -1,0 +1,1 @@
+"""The paper's multi-agent safety-preserving control."""

@@ -1,0 +1,181 @@
+"""What practitioners ask of a drive beyond the paper: headway, DRAC, comfort, and what it did to the others."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from hj_cosim.recording.record import RunRecord
+from hj_cosim.settings import RssParameters
+from hj_cosim.vehicles.rss import lateral_distance, longitudinal_distance
+
+HARD_BRAKE = -4.0  # m/s², what counts as a hard brake of another car
+SLOWEST_HEADWAY = 1.0  # m/s, below this speed a time headway says nothing
+
+
+def driving_metrics(record: RunRecord, rss: RssParameters) -> dict[str, float]:
+    """Return the metrics beyond the paper's, as further keys of summary.json.
+
+    - headway_p10, headway_min: s, bumper gap to the leader over the robot's speed (IDM's T); inf without a leader.
+    - drac_p90, drac_max: m/s², the deceleration that avoids the crash, dv²/(2 gap), over the cars ahead.
+    - min_gap_ahead: m, smallest bumper gap to the leader.
+    - mean_abs_jerk, max_abs_jerk: m/s³, of the robot's acceleration from sample to sample.
+    - mean_abs_lateral_acceleration, max_abs_lateral_acceleration: m/s², v ω.
+    - hard_brakes_imposed: how often a car that followed the robot braked harder than 4 m/s².
+    - time_value_le_0: s with V <= 0.
+    - rss_violation_percent: % of samples with a car nearer than both RSS distances.
+
+    The leader is the nearest car ahead whose lateral extent overlaps the robot's; percentiles are samples.
+
+    Args:
+        record: the run.
+        rss: whose distances count as violated.
+    """
+    robot, traffic, time = record.robot, record.traffic, record.time
+    step = float(time[1] - time[0]) if len(time) > 1 else 0.0
+    states = np.column_stack([robot.x, robot.y, robot.heading, robot.speed])
+    body = np.array([record.robot_length, record.robot_width])
+    where = (traffic.present, traffic.x, traffic.y)
+    sizes = (traffic.length, traffic.width)
+    parameters = np.array(list(rss.model_dump().values()))
+    gap, drac = _following(states, body, *where, traffic.speed, *sizes)
+    violated = _rss_violations(states, body, *where, traffic.heading, traffic.speed, *sizes, parameters)
+    imposed = _hard_brakes_behind(states, body, *where, traffic.acceleration, *sizes)
+    headway = np.where(robot.speed > SLOWEST_HEADWAY, gap / np.maximum(robot.speed, SLOWEST_HEADWAY), math.inf)
+    jerk = np.abs(np.diff(robot.acceleration)) / step if len(time) > 1 else np.zeros(1)
+    lateral = np.abs(robot.speed * robot.omega)
+    return {
+        "headway_p10": float(np.percentile(headway, 10, method="lower")),
+        "headway_min": float(headway.min()),
+        "drac_p90": float(np.percentile(drac, 90, method="higher")),
+        "drac_max": float(drac.max()),
+        "min_gap_ahead": float(gap.min()),
+        "mean_abs_jerk": float(jerk.mean()),
+        "max_abs_jerk": float(jerk.max()),
+        "mean_abs_lateral_acceleration": float(lateral.mean()),
+        "max_abs_lateral_acceleration": float(lateral.max()),
+        "hard_brakes_imposed": int(imposed),
+        "time_value_le_0": round(step * int(np.count_nonzero(robot.value <= 0.0)), 9),
+        "rss_violation_percent": 100.0 * float(violated.mean()),
+    }
+
+
+# Plain loops, as in metrics: a pair is dismissed by one comparison.
+@njit(cache=True)
+def _following(
+    robot: np.ndarray,
+    body: np.ndarray,
+    present: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    speed: np.ndarray,
+    length: np.ndarray,
+    width: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (T,) the gap to the leader (m; +inf without, 0 where they overlap) and (T,) DRAC (m/s²)."""
+    samples, cars = x.shape
+    leader_gap = np.full(samples, math.inf)
+    drac = np.zeros(samples)
+    for t in range(samples):
+        for j in range(cars):
+            ahead = x[t, j] - robot[t, 0]
+            if not present[t, j] or ahead <= 0.0 or abs(y[t, j] - robot[t, 1]) >= 0.5 * (body[1] + width[j]):
+                continue
+            gap = max(ahead - 0.5 * (body[0] + length[j]), 0.0)
+            leader_gap[t] = min(leader_gap[t], gap)
+            closing = robot[t, 3] - speed[t, j]
+            if closing > 0.0:
+                drac[t] = max(drac[t], closing * closing / (2.0 * gap) if gap > 0.0 else math.inf)
+    return leader_gap, drac
+
+
+@njit(cache=True)
+def _rss_violations(
+    robot: np.ndarray,
+    body: np.ndarray,
+    present: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    heading: np.ndarray,
+    speed: np.ndarray,
+    length: np.ndarray,
+    width: np.ndarray,
+    rss: np.ndarray,
+) -> np.ndarray:
+    """Return (T,) bool, whether any car is nearer than d_long and d_lat at once; `rss` in RssParameters' order."""
+    samples, cars = x.shape
+    response, acceleration, brake_min, brake_max = rss[0], rss[1], rss[2], rss[3]
+    lateral_acceleration, lateral_brake, margin = rss[4], rss[5], rss[6]
+    violated = np.zeros(samples, np.bool_)
+    for t in range(samples):
+        robot_speed = robot[t, 3]
+        robot_lateral = robot_speed * math.sin(robot[t, 2])
+        for j in range(cars):
+            if not present[t, j]:
+                continue
+            dx, dy = x[t, j] - robot[t, 0], y[t, j] - robot[t, 1]
+            lateral_gap = abs(dy) - 0.5 * (body[1] + width[j])
+            rear_speed, front_speed = (robot_speed, speed[t, j]) if dx > 0.0 else (speed[t, j], robot_speed)
+            longitudinal_gap = abs(dx) - 0.5 * (body[0] + length[j])
+            if longitudinal_gap >= longitudinal_distance(
+                rear_speed, front_speed, response, acceleration, brake_min, brake_max
+            ):
+                continue
+            other_lateral = speed[t, j] * math.sin(heading[t, j])
+            # The left car's lateral speed counts to the right, the right car's to the left.
+            left_speed, right_speed = (-other_lateral, robot_lateral) if dy > 0.0 else (-robot_lateral, other_lateral)
+            if lateral_gap < lateral_distance(
+                left_speed,
+                right_speed,
+                response,
+                lateral_acceleration,
+                lateral_brake,
+                response,
+                lateral_acceleration,
+                lateral_brake,
+                margin,
+            ):
+                violated[t] = True
+                break
+    return violated
+
+
+@njit(cache=True)
+def _hard_brakes_behind(
+    robot: np.ndarray,
+    body: np.ndarray,
+    present: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    acceleration: np.ndarray,
+    length: np.ndarray,
+    width: np.ndarray,
+) -> int:
+    """Return how many times a car whose leader is the robot began to brake harder than HARD_BRAKE."""
+    samples, cars = x.shape
+    braking_before = np.zeros(cars, np.bool_)
+    count = 0
+    for t in range(samples):
+        for j in range(cars):
+            brakes = (
+                present[t, j]
+                and acceleration[t, j] <= HARD_BRAKE
+                and x[t, j] < robot[t, 0]
+                and abs(y[t, j] - robot[t, 1]) < 0.5 * (body[1] + width[j])
+                and _nobody_between(j, x[t], y[t], width, present[t], robot[t, 0])
+            )
+            if brakes and not braking_before[j]:
+                count += 1
+            braking_before[j] = brakes
+    return count
+
+
+@njit(cache=True)
+def _nobody_between(
+    car: int, x: np.ndarray, y: np.ndarray, width: np.ndarray, present: np.ndarray, robot_x: float
+) -> bool:
+    for other in range(len(x)):
+        between = present[other] and x[car] < x[other] < robot_x
+        if between and abs(y[other] - y[car]) < 0.5 * (width[other] + width[car]):
+            return False
+    return True

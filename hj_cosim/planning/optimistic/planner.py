@@ -1,0 +1,261 @@
+"""The planners OP and HJOP: optimistic planning with the paper's reward, without and with the HJI term."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from hj_cosim.errors import ConfigurationError
+from hj_cosim.planning.contract import IdlePlanner, Plan, Planner, PlanStatistics, PredictedTrajectory
+from hj_cosim.planning.optimistic.prediction import (
+    LANE,
+    LATERAL,
+    POSITION,
+    ROBOT,
+    SECOND_LANE,
+    SPEED,
+    VEHICLE,
+    PredictionModel,
+    empty_scene,
+    noticed_lanes,
+)
+from hj_cosim.planning.optimistic.reward import reward_model
+from hj_cosim.planning.optimistic.tree_search import (
+    ACTION_COUNT,
+    ROOT,
+    ActionModel,
+    Tree,
+    empty_tree,
+    outermost_lanes,
+    roll_out,
+    search,
+)
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.scene.observation import Observation, Target
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
+from hj_cosim.vehicles.mobil import mobil_parameters
+
+# Drivers notice the robot in a lane when its centre is this far beyond the lane's border, or nearer (SPEC section 4).
+NOTICE_MARGIN = 1.0  # m
+# Expansions times vehicles: a tree of some 4 GB.
+LARGEST_TREE = 40_000_000
+
+
+def mean_driver(drivers: DriverSettings) -> tuple[float, float, float, float, float, float]:
+    """Return the mean IDM parameters, in the order of vehicles.idm."""
+    return (
+        drivers.desired_speed.mean,
+        drivers.max_acceleration.mean,
+        drivers.comfortable_deceleration.mean,
+        drivers.time_headway.mean,
+        drivers.minimum_gap.mean,
+        drivers.exponent,
+    )
+
+
+def prediction_model(settings: PlannerSettings, drivers: DriverSettings, road: Road, vehicles: int) -> PredictionModel:
+    """Return the prediction for so many vehicles, the robot included: all drivers are the mean driver."""
+    steps = max(round(settings.action_time / settings.prediction_step), 1)
+    step = settings.action_time / steps
+    return PredictionModel(
+        driver=mean_driver(drivers),
+        drivers=np.tile(mean_driver(drivers), (vehicles, 1)),
+        mobil=mobil_parameters(drivers.politeness, drivers.gain_threshold, drivers.safe_braking),
+        lane_count=road.lane_count,
+        lane_width=road.lane_width,
+        steps=steps,
+        step=step,
+        robot_lateral_speed=road.lane_width / settings.lane_change_time,
+        others_lateral_speed=road.lane_width / settings.others_lane_change_time,
+        speed_kept=math.exp(-step / settings.speed_response),
+        speed_response=settings.speed_response,
+        notice_reach=0.5 * road.lane_width + NOTICE_MARGIN,
+    )
+
+
+class OptimisticPlanner:
+    """Optimistic planning; OP where `settings.kind` is "op" or `gamma_r` is 1, else HJOP.
+
+    The default budget of 300 expansions takes some 5 ms. In `paper`, HJOP without a filter drives as with ten times as
+    many, and worse with fewer; in random dense scenes its first action loses 0.13 of at most 10 (0.38 with 40
+    expansions, 0.02 with 1000). tests/benchmarks/test_planner.py has the tables.
+
+    Not for several threads at once: it keeps its work space from plan to plan. That is bounded by the budget, see
+    tree_search.
+
+    Args:
+        settings: the tree search's and the reward's.
+        robot: the robot's body and limits.
+        drivers: what the other drivers' parameters are drawn from, of which the means are used.
+        road: the lanes.
+        table: V.
+    """
+
+    def __init__(
+        self, settings: PlannerSettings, robot: RobotSettings, drivers: DriverSettings, road: Road, table: ValueTable
+    ) -> None:
+        self._settings = settings
+        self._robot = robot
+        self._drivers = drivers
+        self._road = road
+        self._table = table.arrays
+        self._weights = reward_model(settings, road)
+        self._actions = ActionModel(
+            settings.discount, settings.speed_step, settings.speed_floor, settings.speed_high, settings.expansions
+        )
+        self._make_room(1)
+
+    def _make_room(self, vehicles: int) -> None:
+        if self._settings.expansions * vehicles > LARGEST_TREE:
+            raise ConfigurationError(
+                f"planner.expansions = {self._settings.expansions}: with {vehicles} vehicles within"
+                f" planner.sensing_range the tree is too large; {LARGEST_TREE // vehicles} expansions are the most"
+            )
+        self._prediction = prediction_model(self._settings, self._drivers, self._road, vehicles)
+        self._tree = empty_tree(self._settings.expansions, vehicles)
+        self._scene = empty_scene(vehicles, self._prediction.steps, self._road.lane_count)
+
+    def plan(self, observation: Observation, previous: Target) -> Plan:
+        """Return the first action of the best path found, with the search's statistics.
+
+        Args:
+            observation: the robot and the cars around it now; those within the sensing range enter the tree.
+            previous: the last target, of which the planned lane is kept, and the planned speed as far as it is
+                within the speed window around the robot's.
+
+        Raises:
+            ConfigurationError: if the budget is too large for so many cars (LARGEST_TREE).
+        """
+        cars, bodies = self._enter(observation)
+        self._plant_root(self._tree, observation, cars, previous)
+        action_values = np.empty(ACTION_COUNT)
+        nodes, expansions, best = search(
+            self._tree,
+            self._scene,
+            bodies,
+            self._prediction,
+            self._actions,
+            self._weights,
+            self._table,
+            action_values,
+        )
+        path = _path_to(self._tree, best)
+        first = self._tree.nodes[path[1]]
+        return Plan(
+            action=int(first["action"]),
+            target=Target(int(first["planned_lane"]), float(first["planned_speed"])),
+            statistics=PlanStatistics(
+                expansions=expansions,
+                nodes=nodes,
+                depth=int(self._tree.nodes["depth"][:nodes].max()),
+                best_value=float(self._tree.nodes[best]["value"]),
+                action_values=action_values,
+                trajectory=self._trajectory(self._tree, path, observation, cars),
+            ),
+        )
+
+    def predict(self, observation: Observation, previous: Target, actions: Sequence[int]) -> PredictedTrajectory:
+        """Return what the model expects of a given sequence of actions.
+
+        Args:
+            observation, previous: as for `plan`.
+            actions: one for each action time; that they exist is not checked.
+        """
+        cars, bodies = self._enter(observation)
+        tree = empty_tree(max(len(actions), 1), len(cars) + 1)
+        self._plant_root(tree, observation, cars, previous)
+        chosen = np.array(actions, dtype=np.int64)
+        roll_out(tree, chosen, self._scene, bodies, self._prediction, self._settings.speed_step)
+        return self._trajectory(tree, np.arange(len(actions) + 1), observation, cars)
+
+    def _enter(self, observation: Observation) -> tuple[np.ndarray, np.ndarray]:
+        """Return the indices of the cars that enter the tree, and the bodies (J + 1, 2) of all, the robot's first."""
+        cars = self._sensed(observation)
+        if len(cars) + 1 != len(self._prediction.drivers):
+            self._make_room(len(cars) + 1)
+        bodies = np.empty((len(cars) + 1, 2))
+        bodies[ROBOT] = self._robot.length, self._robot.width
+        bodies[1:, 0], bodies[1:, 1] = observation.length[cars], observation.width[cars]
+        return cars, bodies
+
+    def _sensed(self, observation: Observation) -> np.ndarray:
+        """Return the indices of the cars that enter the tree, nearest the robot's rear first.
+
+        A car that overlaps the robot already is left out: no action can avoid that collision any more.
+        """
+        ahead = observation.x - observation.robot[0]
+        across = observation.y - observation.robot[1]
+        overlaps = (np.abs(ahead) < 0.5 * (observation.length + self._robot.length)) & (
+            np.abs(across) < 0.5 * (observation.width + self._robot.width)
+        )
+        cars = np.flatnonzero((np.abs(ahead) <= self._settings.sensing_range) & ~overlaps)
+        return cars[np.argsort(observation.x[cars], kind="stable")]
+
+    def _plant_root(self, tree: Tree, observation: Observation, cars: np.ndarray, previous: Target) -> None:
+        road, settings = self._road, self._settings
+        x, y, heading, speed = observation.robot
+        planned_speed = min(max(previous.speed, speed - settings.speed_window), speed + settings.speed_window)
+        root = tree.nodes[ROOT]
+        root["parent"], root["depth"], root["value"], root["heading"] = ROOT, 0, 0.0, heading
+        root["planned_lane"] = min(max(previous.lane, 0), road.lane_count - 1)
+        root["planned_speed"] = min(max(planned_speed, settings.speed_floor), settings.speed_high)
+        noticed = noticed_lanes(float(y), self._prediction)
+        lowest, highest = outermost_lanes(noticed or 1 << road.lane_at(y), road.lane_count)
+        lane, second_lane = occupied_lanes(observation, cars, road)
+        state, place = tree.state[ROOT], tree.place[ROOT]
+        state[POSITION, ROBOT], state[POSITION, 1:] = 0.0, observation.x[cars] - x
+        state[SPEED, ROBOT], state[SPEED, 1:] = speed, observation.speed[cars]
+        state[LATERAL, ROBOT], state[LATERAL, 1:] = y, observation.y[cars]
+        place[VEHICLE] = np.arange(len(cars) + 1)
+        place[LANE, ROBOT], place[LANE, 1:] = lowest, lane
+        place[SECOND_LANE, ROBOT], place[SECOND_LANE, 1:] = highest, second_lane
+
+    def _trajectory(
+        self, tree: Tree, path: np.ndarray, observation: Observation, cars: np.ndarray
+    ) -> PredictedTrajectory:
+        nodes = tree.nodes[path]
+        # Nodes keep their vehicles nearly sorted by position: undo that.
+        order = np.argsort(tree.place[path, VEHICLE], axis=1)
+        state = np.take_along_axis(tree.state[path], order[:, np.newaxis], axis=2).astype(np.float64)
+        position, speed, lateral = state[:, POSITION] + observation.robot[0], state[:, SPEED], state[:, LATERAL]
+        return PredictedTrajectory(
+            time=self._settings.action_time * np.arange(len(path)),
+            action=nodes["action"][1:],
+            robot=np.column_stack((position[:, ROBOT], lateral[:, ROBOT], nodes["heading"], speed[:, ROBOT])),
+            planned_lane=nodes["planned_lane"],
+            planned_speed=nodes["planned_speed"],
+            vehicle=observation.vehicle[cars],
+            x=position[:, 1:],
+            y=lateral[:, 1:],
+            speed=speed[:, 1:],
+        )
+
+
+def occupied_lanes(observation: Observation, cars: np.ndarray, road: Road) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lanes that cars drive to and the second lanes that they occupy meanwhile (or the first again).
+
+    A car that changes lanes may already be counted to its new lane: then its lateral position tells whether its body
+    has left the lane that it comes from.
+    """
+    lane, target = observation.lane[cars], observation.target_lane[cars]
+    offset = observation.y[cars] - road.lane_width * target
+    is_within = np.abs(offset) <= 0.5 * (road.lane_width - observation.width[cars])
+    neighbour = target + np.where(is_within, 0, np.sign(offset)).astype(np.int64)
+    return target, np.clip(np.where(lane != target, lane, neighbour), 0, road.lane_count - 1)
+
+
+def _path_to(tree: Tree, node: int) -> np.ndarray:
+    path = [node]
+    while path[-1] != ROOT:
+        path.append(int(tree.nodes[path[-1]]["parent"]))
+    return np.array(path[::-1])
+
+
+def make_planner(
+    settings: PlannerSettings, robot: RobotSettings, drivers: DriverSettings, road: Road, table: ValueTable
+) -> Planner:
+    """Return the planner that `settings.kind` names; the arguments are OptimisticPlanner's."""
+    if settings.kind == "idle":
+        return IdlePlanner()
+    return OptimisticPlanner(settings, robot, drivers, road, table)

@@ -1,0 +1,351 @@
+"""Optimistic planning of deterministic systems (Hren & Munos 2008) over the robot's actions.
+
+A node is what the robot and the cars around it will be after a sequence of actions. With rewards in [0, 1] and a
+discount γ, no continuation of a node at depth d can be worth more than its upper bound, the discounted rewards on
+the way to it plus γ^d / (1 − γ); those rewards alone are its lower bound. Each expansion takes the leaf of the
+highest upper bound and adds a child for each action. The answer is the first action on the way to the node of the
+highest lower bound.
+
+A tree of n expansions has at most 5 n + 1 nodes, each of 80 + 18 (J + 1) bytes for J cars; all are allocated before
+the search begins, and nothing is allocated in it.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hj_cosim.planning.optimistic.prediction import (
+    BRANCH,
+    LANE,
+    LATERAL,
+    LENGTH,
+    POSITION,
+    REACTING,
+    SECOND_LANE,
+    SHARED,
+    SPEED,
+    VEHICLE,
+    WIDTH,
+    PredictionModel,
+    Scene,
+    approach,
+    decide_and_find_leaders,
+    drive_cars,
+    drive_robot,
+    noticed_lanes,
+    robot_crashes,
+    sort_by_position,
+)
+from hj_cosim.planning.optimistic.reward import RewardModel, total_reward
+from hj_cosim.reachability.table.lookup import TableArrays, shift_of_grid, value_at
+
+IDLE, FASTER, SLOWER, LEFT, RIGHT = range(5)
+ACTION_COUNT = 5
+LANE_CHANGE = (0, 0, 0, 1, -1)
+SPEED_CHANGE = (0, 1, -1, 0, 0)  # in steps of the planned speed
+ROOT = 0
+
+# A lane is reached when the robot's centre is this near to its centre line, in lane widths.
+REACHED = 0.25
+
+NODE = np.dtype(
+    [
+        ("parent", np.int64),
+        ("action", np.int64),  # that led to it
+        ("first_action", np.int64),  # that the way to it begins with
+        ("depth", np.int64),
+        ("planned_lane", np.int64),  # l_p
+        ("planned_speed", np.float64),  # v_p, m/s
+        ("heading", np.float64),  # the robot's, rad
+        ("value", np.float64),  # the lower bound: the discounted rewards on the way to it
+    ]
+)
+
+
+class ActionModel(NamedTuple):
+    """What the robot's actions change, and how many nodes may be expanded to choose one."""
+
+    discount: float  # γ
+    speed_step: float  # m/s
+    speed_floor: float  # m/s
+    speed_high: float  # m/s
+    expansions: int  # the budget
+
+
+class Tree(NamedTuple):
+    """The nodes of a search, N of them, and its frontier. Node 0 is the root."""
+
+    nodes: np.ndarray  # (N,) NODE
+    state: np.ndarray  # (N, 3, M) float32, rows POSITION (m ahead of the robot at the root), SPEED, LATERAL
+    place: np.ndarray  # (N, 3, M) int16, rows VEHICLE, LANE, SECOND_LANE; columns nearly sorted by position
+    bound: np.ndarray  # (N,) upper bounds of the leaves, a binary heap with the highest first
+    leaf: np.ndarray  # (N,) int64, the leaves that they belong to
+
+
+def empty_tree(expansions: int, vehicles: int) -> Tree:
+    """Return a tree with room for a search of `expansions` over `vehicles`, the robot included."""
+    nodes = ACTION_COUNT * expansions + 1
+    return Tree(
+        nodes=np.zeros(nodes, NODE),
+        state=np.zeros((nodes, 3, vehicles), np.float32),
+        place=np.zeros((nodes, 3, vehicles), np.int16),
+        bound=np.zeros(nodes),
+        leaf=np.zeros(nodes, np.int64),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def search(
+    tree: Tree,
+    scene: Scene,
+    bodies: np.ndarray,
+    prediction: PredictionModel,
+    actions: ActionModel,
+    weights: RewardModel,
+    table: TableArrays,
+    action_values: np.ndarray,
+) -> tuple[int, int, int]:
+    """Search from the root, which the caller has written into node 0, until the budget is spent.
+
+    Args:
+        tree: whose node 0 is the root; the rest is overwritten.
+        scene: work space for M vehicles.
+        bodies: (M, 2) length and width of each vehicle by its number, m.
+        prediction, actions, weights, table: the models.
+        action_values: (5,) gets the highest lower bound that follows each first action; −inf where there is none.
+
+    Returns:
+        The number of nodes, the number of expansions, and the node of the highest lower bound (the earliest of
+        several).
+    """
+    nodes = tree.nodes
+    action_values[:] = -math.inf
+    count, expansions, best, leaves = 1, 0, ROOT, 0
+    leaves = push_leaf(tree.bound, tree.leaf, nodes, leaves, best, 1.0 / (1.0 - actions.discount))
+    while leaves > 0 and expansions < actions.expansions:
+        node = tree.leaf[0]
+        leaves = pop_leaf(tree.bound, tree.leaf, nodes, leaves)
+        robot = open_node(tree, node, scene, bodies, prediction)
+        expansions += 1
+        weight = actions.discount ** nodes[node].depth
+        off_centre = scene.state[LATERAL, robot] - nodes[node].planned_lane * prediction.lane_width
+        for action in range(ACTION_COUNT):
+            lane = nodes[node].planned_lane + LANE_CHANGE[action]
+            speed = nodes[node].planned_speed + SPEED_CHANGE[action] * actions.speed_step
+            if not (0 <= lane < prediction.lane_count and actions.speed_floor <= speed <= actions.speed_high):
+                continue
+            if not may_change_lane(LANE_CHANGE[action], off_centre, prediction.lane_width):
+                continue
+            crashed = add_child(tree, node, count, action, lane, speed, scene, robot, prediction)
+            child = nodes[count]
+            worst = math.inf
+            if weights.gamma_r < 1.0:
+                worst = worst_value(tree.state[count], robot, child.heading, table, weights.value_clip)
+            child.value = nodes[node].value + weight * total_reward(speed, lane, crashed, worst, weights)
+            child.first_action = action if node == ROOT else nodes[node].first_action
+            action_values[child.first_action] = max(action_values[child.first_action], child.value)
+            if best == ROOT or child.value > nodes[best].value:
+                best = count
+            if not crashed:
+                bound = child.value + weight * actions.discount / (1.0 - actions.discount)
+                leaves = push_leaf(tree.bound, tree.leaf, nodes, leaves, count, bound)
+            count += 1
+    return count, expansions, best
+
+
+@njit(cache=True, error_model="numpy")
+def roll_out(
+    tree: Tree, chosen: np.ndarray, scene: Scene, bodies: np.ndarray, prediction: PredictionModel, speed_step: float
+) -> None:
+    """Predict a sequence of actions from the root: node d + 1 is what the d-th action leads to.
+
+    Args:
+        tree: whose node 0 is the root; as many more nodes are written as there are actions.
+        chosen: (D,) int64, the actions; it is the caller's business that they exist.
+        scene, bodies, prediction: as for `search`.
+        speed_step: m/s.
+    """
+    for node in range(len(chosen)):
+        action = chosen[node]
+        lane = tree.nodes[node].planned_lane + LANE_CHANGE[action]
+        speed = tree.nodes[node].planned_speed + SPEED_CHANGE[action] * speed_step
+        robot = open_node(tree, node, scene, bodies, prediction)
+        add_child(tree, node, node + 1, action, lane, speed, scene, robot, prediction)
+
+
+@njit(cache=True, error_model="numpy")
+def open_node(tree: Tree, node: int, scene: Scene, bodies: np.ndarray, prediction: PredictionModel) -> int:
+    """Prepare what the children of a node share, and return the robot's column of the scene."""
+    robot = open_scene(tree.state[node], tree.place[node], scene.state, scene.place, bodies)
+    decide_and_find_leaders(scene, robot, prediction)
+    drive_cars(scene, robot, noticed_lanes(scene.state[LATERAL, robot], prediction), SHARED, prediction)
+    return robot
+
+
+@njit(cache=True, error_model="numpy")
+def add_child(
+    tree: Tree,
+    node: int,
+    child: int,
+    action: int,
+    planned_lane: int,
+    planned_speed: float,
+    scene: Scene,
+    robot: int,
+    prediction: PredictionModel,
+) -> bool:
+    """Write the node that an action of an opened node leads to, and return whether the robot crashes on the way."""
+    occupied, heading = drive_robot(scene, robot, planned_lane, planned_speed, prediction)
+    drive_cars(scene, robot, occupied, REACTING, prediction)
+    close_scene(tree.state[child], tree.place[child], scene, robot, prediction)
+    entry = tree.nodes[child]
+    entry.parent = node
+    entry.action = action
+    entry.depth = tree.nodes[node].depth + 1
+    entry.planned_lane = planned_lane
+    entry.planned_speed = planned_speed
+    entry.heading = heading
+    return robot_crashes(scene, robot, prediction)
+
+
+@njit(cache=True, error_model="numpy")
+def may_change_lane(change: int, off_centre: float, lane_width: float) -> bool:
+    """Return whether the robot may now plan for the lane to the left (+1) or the right (−1); 0 is always allowed.
+
+    It must have come near the lane that it planned for, or be turning back. Otherwise the reward of a lane far across
+    could be had at once by planning for it, and lost never by turning back in time; and the tracking controller,
+    which steers the harder the farther the lane is, would cross faster than predicted.
+
+    Args:
+        change: of the planned lane.
+        off_centre: where the robot is to the left of the lane planned for now, m.
+        lane_width: m.
+    """
+    return change * off_centre >= -REACHED * lane_width
+
+
+@njit(cache=True, error_model="numpy")
+def open_scene(
+    node_state: np.ndarray, node_place: np.ndarray, state: np.ndarray, place: np.ndarray, bodies: np.ndarray
+) -> int:
+    """Lay a node's vehicles out in a scene, sorted by position, and return the robot's column."""
+    for column in range(state.shape[1]):
+        vehicle = node_place[VEHICLE, column]
+        place[VEHICLE, column] = vehicle
+        place[LANE, column] = node_place[LANE, column]
+        place[SECOND_LANE, column] = node_place[SECOND_LANE, column]
+        state[POSITION, column] = node_state[POSITION, column]
+        state[SPEED, column] = node_state[SPEED, column]
+        state[LATERAL, column] = node_state[LATERAL, column]
+        state[LENGTH, column] = bodies[vehicle, 0]
+        state[WIDTH, column] = bodies[vehicle, 1]
+    return sort_by_position(state, place)
+
+
+@njit(cache=True, error_model="numpy")
+def close_scene(
+    node_state: np.ndarray, node_place: np.ndarray, scene: Scene, robot: int, prediction: PredictionModel
+) -> None:
+    """Write the vehicles at the end of the predicted motion into a node, in the order of the scene.
+
+    A car is in the lane that it comes from until its body has left it.
+    """
+    state, place, last = scene.state, scene.place, prediction.steps
+    moved = prediction.others_lateral_speed * prediction.step * last
+    for car in range(state.shape[1]):
+        lane = place[LANE, car]
+        centre = lane * prediction.lane_width
+        lateral = approach(state[LATERAL, car], centre, moved)
+        node_place[VEHICLE, car] = place[VEHICLE, car]
+        node_place[LANE, car] = lane
+        is_within = abs(lateral - centre) <= 0.5 * (prediction.lane_width - state[WIDTH, car])
+        node_place[SECOND_LANE, car] = lane if is_within else place[SECOND_LANE, car]
+        node_state[POSITION, car] = scene.motion[place[BRANCH, car], POSITION, car, last]
+        node_state[SPEED, car] = scene.motion[place[BRANCH, car], SPEED, car, last]
+        node_state[LATERAL, car] = lateral
+    lowest, highest = outermost_lanes(scene.robot_lanes[last], prediction.lane_count)
+    node_place[LANE, robot] = lowest
+    node_place[SECOND_LANE, robot] = highest
+    node_state[POSITION, robot] = scene.robot_motion[POSITION, last]
+    node_state[SPEED, robot] = scene.robot_motion[SPEED, last]
+    node_state[LATERAL, robot] = scene.robot_motion[LATERAL, last]
+
+
+@njit(cache=True, error_model="numpy")
+def outermost_lanes(lanes: int, lane_count: int) -> tuple[int, int]:
+    """Return the lowest and the highest lane of a bit set that is not empty."""
+    lowest, highest = lane_count - 1, 0
+    for lane in range(lane_count):
+        if lanes & (1 << lane):
+            lowest, highest = min(lowest, lane), max(highest, lane)
+    return lowest, highest
+
+
+@njit(cache=True, error_model="numpy")
+def worst_value(state: np.ndarray, robot: int, heading: float, table: TableArrays, clip: float) -> float:
+    """Return min_j V at a node's relative states, m; +inf where no car is within the table's grid.
+
+    Stops at −clip: nothing below it changes the reward.
+    """
+    worst = math.inf
+    lower, inverse_spacing, shape = table.lower, table.inverse_spacing, table.deficit.shape
+    rear, right = lower[0], lower[1]
+    front, left = rear + (shape[0] - 1) / inverse_spacing[0], right + (shape[1] - 1) / inverse_spacing[1]
+    for car in range(state.shape[1]):
+        p_x = float(state[POSITION, robot] - state[POSITION, car])
+        p_y = float(state[LATERAL, robot] - state[LATERAL, car])
+        # Most cars of a large scene are beyond the grid: they need not be looked up to be told so.
+        v_r, v_o = float(state[SPEED, robot]), float(state[SPEED, car])
+        if car == robot or not (right <= p_y <= left and rear <= p_x - shift_of_grid(table, v_r, v_o) <= front):
+            continue
+        value = value_at(table, p_x, p_y, heading, v_r, v_o)
+        worst = min(worst, value)
+        if worst <= -clip:
+            break
+    return worst
+
+
+@njit(cache=True, error_model="numpy")
+def comes_first(bound: float, node: int, other_bound: float, other: int, nodes: np.ndarray) -> bool:
+    """Return whether a leaf is expanded before another: the higher bound, then the shallower, then the older."""
+    if bound != other_bound:
+        return bound > other_bound
+    if nodes[node].depth != nodes[other].depth:
+        return nodes[node].depth < nodes[other].depth
+    return node < other
+
+
+@njit(cache=True, error_model="numpy")
+def push_leaf(bounds: np.ndarray, heap: np.ndarray, nodes: np.ndarray, leaves: int, node: int, bound: float) -> int:
+    """Put a leaf on the frontier, a heap of `leaves`, and return how many it now has."""
+    place = leaves
+    while place > 0:
+        above = (place - 1) // 2
+        if not comes_first(bound, node, bounds[above], heap[above], nodes):
+            break
+        bounds[place], heap[place] = bounds[above], heap[above]
+        place = above
+    bounds[place], heap[place] = bound, node
+    return leaves + 1
+
+
+@njit(cache=True, error_model="numpy")
+def pop_leaf(bounds: np.ndarray, heap: np.ndarray, nodes: np.ndarray, leaves: int) -> int:
+    """Take the first leaf off the frontier, a heap of `leaves`, and return how many are left."""
+    last = leaves - 1
+    bound, node = bounds[last], heap[last]
+    place = 0
+    while True:
+        below = 2 * place + 1
+        if below >= last:
+            break
+        if below + 1 < last and comes_first(bounds[below + 1], heap[below + 1], bounds[below], heap[below], nodes):
+            below += 1
+        if not comes_first(bounds[below], heap[below], bound, node, nodes):
+            break
+        bounds[place], heap[place] = bounds[below], heap[below]
+        place = below
+    bounds[place], heap[place] = bound, node
+    return last

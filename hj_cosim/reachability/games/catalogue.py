@@ -1,0 +1,63 @@
+"""Finding a game: one that comes with the package, or one in a Python file of a user's own."""
+
+import hashlib
+import importlib.util
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+from hj_cosim.errors import ConfigurationError
+from hj_cosim.reachability.games import air3d, double_integrator
+from hj_cosim.reachability.games.contract import Dynamics
+from hj_cosim.reachability.games.highway import game as highway
+
+
+@cache
+def registered_dynamics() -> Mapping[str, Dynamics]:
+    """Return the games that come with the package, by name."""
+    modules = (highway, air3d, double_integrator)
+    return {module.dynamics.name: _fingerprinted(module.dynamics, Path(str(module.__file__))) for module in modules}
+
+
+def find_dynamics(name: str, folder: Path | None = None) -> Dynamics:
+    """Return the game that a specification names: a registered one, or a Python file with a `dynamics` in it.
+
+    Args:
+        name: a registered name, or a path to a .py file.
+        folder: what a relative path starts from, the specification's folder; else the current folder.
+
+    Raises:
+        ConfigurationError: if there is no such game, or the file does not define one.
+    """
+    if not name.endswith(".py"):
+        known = registered_dynamics()
+        if name not in known:
+            raise ConfigurationError(
+                f"dynamics = {name!r}: choose one of {', '.join(known)}, or give a path to a .py file"
+            )
+        return known[name]
+    path = ((folder or Path()) / Path(name).expanduser()).resolve()
+    if not path.is_file():
+        raise ConfigurationError(f"dynamics = {name!r}: there is no file {path}")
+    place = hashlib.sha256(str(path).encode()).hexdigest()[:16]  # two files of one name are two modules
+    module_name = f"hj_cosim_dynamics_{path.stem}_{place}"
+    specification = importlib.util.spec_from_file_location(module_name, path)
+    if specification is None or specification.loader is None:
+        raise ConfigurationError(f"dynamics = {name!r}: {path} cannot be imported as Python")
+    module = importlib.util.module_from_spec(specification)
+    # Numba's cache looks the module up by its name when it loads a function that another process compiled.
+    sys.modules[module_name] = module
+    try:
+        specification.loader.exec_module(module)
+    except (SyntaxError, ImportError, NameError, AttributeError, TypeError, ValueError) as error:
+        raise ConfigurationError(f"dynamics = {name!r}: {path} fails on import: {error}") from error
+    dynamics = getattr(module, "dynamics", None)
+    if not isinstance(dynamics, Dynamics):
+        raise ConfigurationError(f"dynamics = {name!r}: {path} must define `dynamics`, a Dynamics")
+    return _fingerprinted(dynamics, path)
+
+
+def _fingerprinted(dynamics: Dynamics, source: Path) -> Dynamics:
+    return replace(dynamics, fingerprint=hashlib.sha256(source.read_bytes()).hexdigest())

@@ -1,0 +1,1 @@
+"""The paper's game of the robot and one other car."""

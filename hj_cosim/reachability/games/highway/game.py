@@ -1,0 +1,190 @@
+"""The paper's game: the robot and one other car on a highway (paper, eq. case study relative dynamics).
+
+    x = (p_x, p_y, θ, v_r, v_o), positions robot − other, θ the robot's heading
+    dp_x = v_r cos θ − v_o cos θ_o,  dp_y = v_r sin θ − v_o sin θ_o,  dθ = ω_r,  dv_r = a_r,  dv_o = a_o
+
+The robot chooses (ω_r, a_r) to maximise, the other car (θ_o, a_o) to minimise the value.
+
+The grid may be sheared: with k = `braking_shear` its first axis is ξ = p_x − k (v_o² − v_r²) instead of p_x. With
+k = 1/(2 b), b the braking that RSS counts on, ξ is the distance that would be left had both cars braked to a stop.
+RSS's distances move by 20 m in p_x from one node of the speeds to the next, and hardly at all in ξ. So the corner of
+V0 where the two terms of its maximum meet runs along the grid, and is not smeared over the cells of two more axes.
+`target`, `hamiltonian` and `dissipation`, which the solver calls, take the grid's coordinates and the slopes along
+them; `flow` and `optimal_inputs` take the state. Without a shear, the default, the two are the same.
+"""
+
+import math
+
+import numpy as np
+
+from hj_cosim.reachability.games.contract import Dynamics, state_function
+from hj_cosim.vehicles.rss import lateral_distance, longitudinal_distance
+
+# The order in which the functions below unpack them.
+PARAMETERS = {
+    "omega_max": 0.3,  # rad/s, |ω_r| <= this
+    "acceleration_min": -6.0,  # m/s², of the robot
+    "acceleration_max": 4.0,
+    "other_heading_max": 0.1,  # rad, |θ_o| <= this
+    "other_acceleration_min": -6.0,  # m/s²
+    "other_acceleration_max": 4.0,
+    "length": 5.0,  # m, mean of both bodies
+    "width": 2.0,
+    "response_time": 0.3,  # s, ρ of RSS; the rest of RSS's parameters follow
+    "acceleration": 3.0,
+    "brake_min": 6.0,
+    "brake_max": 6.0,
+    "lateral_acceleration": 0.2,
+    "lateral_brake": 0.8,
+    "lateral_margin": 0.1,
+    "braking_shear": 0.0,  # s²/m, k of the grid's first axis
+}
+
+
+def grid_points(states: np.ndarray, braking_shear: float) -> np.ndarray:
+    """Return the grid's coordinates of `states`, (n, 5)."""
+    points = np.array(states, np.float64)
+    points[..., 0] -= braking_shear * (points[..., 4] ** 2 - points[..., 3] ** 2)
+    return points
+
+
+def states_at(points: np.ndarray, braking_shear: float) -> np.ndarray:
+    """Return the states at `points` of the grid, (n, 5)."""
+    return grid_points(points, -braking_shear)
+
+
+@state_function
+def target(x, c, out):  # type: ignore[no-untyped-def]
+    """V(0, x) = max(|p_x| − d_long, 4 (|p_y| − d_lat)³), distances between bumpers (paper, eq. case study V0).
+
+    The rear car is the one with the smaller p_x. d_lat counts the robot's lateral speed v_r sin θ towards the other
+    car, and none of the other car's own.
+    """
+    length, width, response, acceleration, brake_min, brake_max = c[6], c[7], c[8], c[9], c[10], c[11]
+    lateral_acceleration, lateral_brake, margin = c[12], c[13], c[14]
+    for i in range(out.shape[0]):
+        p_x = x[0, i] + c[15] * (x[4, i] * x[4, i] - x[3, i] * x[3, i])
+        rear, front = (x[4, i], x[3, i]) if p_x > 0.0 else (x[3, i], x[4, i])
+        longitudinal = longitudinal_distance(rear, front, response, acceleration, brake_min, brake_max)
+        # The robot on the left, p_y > 0, approaches the other car by moving to the right; straight ahead of it or
+        # behind, either way counts as approaching. The other car counts with no lateral speed.
+        leftwards = x[3, i] * math.sin(x[2, i])
+        towards = abs(leftwards) if x[1, i] == 0.0 else -math.copysign(leftwards, leftwards * x[1, i])
+        lateral = lateral_distance(
+            towards, 0.0, response, lateral_acceleration, lateral_brake,
+            response, lateral_acceleration, lateral_brake, margin,
+        )  # fmt: skip
+        gap_x = abs(p_x) - length - longitudinal
+        gap_y = abs(x[1, i]) - width - lateral
+        out[i] = max(gap_x, 4.0 * gap_y**3)
+
+
+@state_function
+def flow(x, u, d, c, out):  # type: ignore[no-untyped-def]
+    """dx/dt for u = (ω_r, a_r), d = (θ_o, a_o)."""
+    for i in range(out.shape[1]):
+        out[0, i] = x[3, i] * math.cos(x[2, i]) - x[4, i] * math.cos(d[0, i])
+        out[1, i] = x[3, i] * math.sin(x[2, i]) - x[4, i] * math.sin(d[0, i])
+        out[2, i] = u[0, i]
+        out[3, i] = u[1, i]
+        out[4, i] = d[1, i]
+
+
+@state_function
+def hamiltonian(x, p, c, limits, out):  # type: ignore[no-untyped-def]
+    """max over (ω_r, a_r), min over (θ_o, a_o) of p · dx/dt in closed form.
+
+    The other car's heading maximises p_x cos θ_o + p_y sin θ_o over |θ_o| <= θ̄: it points along (p_x, p_y) where
+    that lies within the bounds, which makes the norm, and else along the nearer bound. On a sheared grid,
+    dξ = dp_x − 2 k (v_o a_o − v_r a_r), so that the accelerations' slopes take a share of ξ's.
+    """
+    heading, v_r = x[2, 0], x[3, 0]  # shared by the nodes of a slab
+    # At a limit of the state the input that would cross it is not available.
+    zero = np.float32(0.0)
+    omega_low = zero if heading <= limits[0, 2] else -c[0]
+    omega_high = zero if heading >= limits[1, 2] else c[0]
+    robot_low = zero if v_r <= limits[0, 3] else c[1]
+    robot_high = zero if v_r >= limits[1, 3] else c[2]
+    slowest, fastest = limits[0, 4], limits[1, 4]
+    other_low, other_high = c[4], c[5]
+    twice_shear = np.float32(2.0) * c[15]
+    robot_share = twice_shear * v_r
+    forward, leftward = np.float32(v_r * math.cos(heading)), np.float32(v_r * math.sin(heading))
+    cos_bound, sin_bound, tan_bound = np.float32(math.cos(c[3])), np.float32(math.sin(c[3])), np.float32(math.tan(c[3]))
+    for i in range(out.shape[0]):
+        p_x, p_y = p[0, i], p[1, i]
+        side = abs(p_y)
+        at_bound = p_x * cos_bound + side * sin_bound
+        # Branches as selects, so that the loop runs in SIMD.
+        other = math.sqrt(p_x * p_x + p_y * p_y) if (p_x > zero) & (side <= p_x * tan_bound) else at_bound
+        turning = omega_high * p[2, i] if p[2, i] > zero else omega_low * p[2, i]
+        by_robot = p[3, i] + robot_share * p_x
+        robot = robot_high * by_robot if by_robot > zero else robot_low * by_robot
+        v_o = x[4, i]
+        by_other = p[4, i] - twice_shear * v_o * p_x
+        low = zero if v_o <= slowest else other_low
+        high = zero if v_o >= fastest else other_high
+        other_speed = low * by_other if by_other > zero else high * by_other
+        out[i] = forward * p_x + leftward * p_y - v_o * other + turning + robot + other_speed
+
+
+@state_function
+def dissipation(x, c, out):  # type: ignore[no-untyped-def]
+    """Tight bounds: dp_x over cos θ_o in [cos θ̄, 1], dp_y over sin θ_o in ± sin θ̄, and the inputs' magnitudes.
+
+    On a sheared grid dξ over the accelerations, too.
+    """
+    heading, v_r, heading_max = x[2, 0], x[3, 0], c[3]  # the first two are shared by the nodes of a slab
+    forward, sideways = np.float32(v_r * math.cos(heading)), np.float32(abs(v_r * math.sin(heading)))
+    cos_bound, sin_bound = np.float32(math.cos(heading_max)), np.float32(math.sin(heading_max))
+    turning, robot, other = c[0], max(-c[1], c[2]), max(-c[4], c[5])
+    twice_shear = np.float32(2.0) * c[15]
+    fastest, slowest = forward + twice_shear * v_r * c[2], forward + twice_shear * v_r * c[1]
+    for i in range(out.shape[1]):
+        v_o = x[4, i]
+        closest, farthest = v_o * (cos_bound + twice_shear * c[4]), v_o * (np.float32(1.0) + twice_shear * c[5])
+        out[0, i] = max(abs(fastest - closest), abs(slowest - farthest))
+        out[1, i] = sideways + v_o * sin_bound
+        out[2, i] = turning
+        out[3, i] = robot
+        out[4, i] = other
+
+
+@state_function
+def optimal_inputs(x, p, c, limits, u, d):  # type: ignore[no-untyped-def]
+    """The inputs that attain the Hamiltonian; where an input does not matter it is 0."""
+    for i in range(u.shape[1]):
+        u[0, i] = _box_maximiser(p[2, i], x[2, i], limits[0, 2], limits[1, 2], -c[0], c[0])
+        u[1, i] = _box_maximiser(p[3, i], x[3, i], limits[0, 3], limits[1, 3], c[1], c[2])
+        along = 0.0 if p[0, i] == 0.0 and p[1, i] == 0.0 else math.atan2(p[1, i], p[0, i])
+        d[0, i] = min(max(along, -c[3]), c[3])
+        d[1, i] = _box_maximiser(-p[4, i], x[4, i], limits[0, 4], limits[1, 4], c[4], c[5])
+
+
+@state_function
+def _box_maximiser(slope, state, state_low, state_high, low, high):  # type: ignore[no-untyped-def]
+    """The input in [low, high] that maximises slope · input, without leaving [state_low, state_high]."""
+    if slope > 0.0:
+        return high if state < state_high else np.float32(0.0)
+    if slope < 0.0:
+        return low if state > state_low else np.float32(0.0)
+    return np.float32(0.0)
+
+
+dynamics = Dynamics(
+    name="highway",
+    state=("p_x", "p_y", "theta", "v_r", "v_o"),
+    controls=("omega_r", "a_r"),
+    disturbances=("theta_o", "a_o"),
+    parameters=PARAMETERS,
+    target=target,
+    flow=flow,
+    hamiltonian=hamiltonian,
+    dissipation=dissipation,
+    optimal_inputs=optimal_inputs,
+    boundary=("linear",) * 5,
+    outside=("safe", "safe", "clamp", "clamp", "clamp"),
+    limited=(False, False, True, True, True),
+    slab_axes=(4, 0),
+    mirrored_axes=(1, 2),
+)

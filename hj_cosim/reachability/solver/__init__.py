@@ -1,0 +1,1 @@
+"""The level-set solver: from V(0, ·) to V(−horizon, ·)."""

@@ -1,1 +1,0 @@
-"""The games that come with the package, one a file."""

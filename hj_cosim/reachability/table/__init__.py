@@ -1,0 +1,1 @@
+"""Solved tables: kept in files, asked for values, gradients and optimal inputs."""

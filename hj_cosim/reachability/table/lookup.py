@@ -1,0 +1,254 @@
+"""Look-ups in the five-dimensional table, for the planner and the filter (jitted).
+
+V is looked up as s(V) = s(V0) − W: V0 = V(0, ·) by its formula, the deficit W = s(V0) − s(V) >= 0 by multilinear
+interpolation between the nodes, and s the scale of `value_scale`. So V <= V0 holds between the nodes as at them, and no
+state of the target set is ever taken for safe. Interpolating V itself is wrong by metres wherever V0 has its kinks,
+and to the unsafe side: |p_x| − d_long moves by some 20 m from one speed node to the next, and d_lat's floor lies far
+below it. Interpolating V0 − V is right to metres, but where V0 is a cubic that falls to 0 within a cell, the slope of
+V0 − V drowns V0's own, and a robot that steers towards the other car seems to gain by it.
+
+The grid's first axis may be sheared, ξ = p_x − k (v_o² − v_r²), see `systems.highway`: look-ups take states, find ξ
+themselves, and give the slopes of V along the state.
+
+Outside the grid in p_x or p_y another car is safe: V = +inf with a zero gradient. The heading and the speeds are
+clamped to the grid, and the gradient in a clamped coordinate is that of the nearest cell. `interpolation` serves
+tables of any dimension.
+
+Interpolation goes axis by axis, the speeds first, and carries the slopes along: a third of the work of weighing all
+32 corners for the value and every slope. Corners are offsets into the flat table, unsigned, which spares the index
+arithmetic of five axes and a test for negative indices at every corner.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hj_cosim.reachability.games.highway.target import TargetFormula, target_and_gradient_at, target_at
+from hj_cosim.reachability.table.value_scale import scaled, steepness, unscaled
+
+_ONE = np.uint64(1)
+
+
+class TableArrays(NamedTuple):
+    """A highway value table as jitted code takes it; the state is (p_x_rel, p_y_rel, θ_r, v_r, v_o)."""
+
+    deficit: np.ndarray  # W, float32, C order, 5 axes
+    flat: np.ndarray  # the same, one axis
+    # Tuples, not arrays: jitted code counts references to every array that it takes out of a tuple, which adds up.
+    lower: tuple[float, float, float, float, float]  # the first nodes
+    upper: tuple[float, float, float, float, float]  # the last
+    inverse_spacing: tuple[float, float, float, float, float]
+    braking_shear: float  # k, s²/m, of the first axis
+    target: TargetFormula
+    has_target: bool  # else the game is another with the same state, and W is −V
+
+
+class Cell(NamedTuple):
+    """The cell that a state lies in: its first corner, the steps to the others, and where in it the state is."""
+
+    corner: np.uint64  # offset into the flat table
+    step_x: np.uint64  # to the next node along p_x, p_y, θ, v_r; along v_o it is 1
+    step_y: np.uint64
+    step_theta: np.uint64
+    step_r: np.uint64
+    x: float  # shares of the spacing, float32
+    y: float
+    theta: float
+    r: float
+    o: float
+
+
+@njit(cache=True)
+def deficits(
+    values: np.ndarray, lower: np.ndarray, spacing: np.ndarray, braking_shear: float, target: TargetFormula
+) -> np.ndarray:
+    """Return W = s(V0) − s(V) at the nodes, float32 of the shape of `values`, V's; nowhere negative."""
+    found = np.empty_like(values)
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            for k in range(values.shape[2]):
+                for m in range(values.shape[3]):
+                    v_r = lower[3] + m * spacing[3]
+                    for n in range(values.shape[4]):
+                        v_o = lower[4] + n * spacing[4]
+                        above = target_at(
+                            target,
+                            lower[0] + i * spacing[0] + braking_shear * (v_o * v_o - v_r * v_r),
+                            lower[1] + j * spacing[1],
+                            lower[2] + k * spacing[2],
+                            v_r,
+                            v_o,
+                        )
+                        found[i, j, k, m, n] = max(scaled(above) - scaled(values[i, j, k, m, n]), 0.0)
+    return found
+
+
+@njit(cache=True)
+def _clamped(table: TableArrays, axis: int, coordinate: float) -> float:
+    return min(max(coordinate, table.lower[axis]), table.upper[axis])
+
+
+@njit(cache=True)
+def _target(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
+    """Return V0, m, with heading and speeds clamped to the grid."""
+    theta, v_r, v_o = _clamped(table, 2, theta), _clamped(table, 3, v_r), _clamped(table, 4, v_o)
+    return target_at(table.target, p_x, p_y, theta, v_r, v_o)
+
+
+@njit(cache=True)
+def _target_and_gradient(
+    table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return V0 and its slopes, likewise."""
+    theta, v_r, v_o = _clamped(table, 2, theta), _clamped(table, 3, v_r), _clamped(table, 4, v_o)
+    return target_and_gradient_at(table.target, p_x, p_y, theta, v_r, v_o)
+
+
+@njit(cache=True)
+def _place(coordinate: float, nodes: int) -> tuple[np.uint64, float]:
+    """Return the cell that a coordinate in units of the spacing lies in, and where in it, clamped to the grid."""
+    clamped = min(max(coordinate, 0.0), nodes - 1.0)
+    cell = min(int(clamped), nodes - 2)
+    return np.uint64(cell), np.float32(clamped - cell)  # type: ignore[return-value]
+
+
+@njit(cache=True)
+def shift_of_grid(table: TableArrays, v_r: float, v_o: float) -> float:
+    """Return p_x − ξ = k (v_o² − v_r²), m: how far the grid lies ahead of where its first axis says."""
+    v_r, v_o = _clamped(table, 3, v_r), _clamped(table, 4, v_o)
+    return table.braking_shear * (v_o * v_o - v_r * v_r)
+
+
+@njit(cache=True)
+def _is_outside(table: TableArrays, xi: float, p_y: float) -> bool:
+    x = (xi - table.lower[0]) * table.inverse_spacing[0]
+    y = (p_y - table.lower[1]) * table.inverse_spacing[1]
+    return not (x >= 0.0 and y >= 0.0 and x <= table.deficit.shape[0] - 1 and y <= table.deficit.shape[1] - 1)
+
+
+@njit(cache=True)
+def _cell_of(table: TableArrays, xi: float, p_y: float, theta: float, v_r: float, v_o: float) -> Cell:
+    lower, inverse, shape = table.lower, table.inverse_spacing, table.deficit.shape
+    i, x = _place((xi - lower[0]) * inverse[0], shape[0])
+    j, y = _place((p_y - lower[1]) * inverse[1], shape[1])
+    k, t = _place((theta - lower[2]) * inverse[2], shape[2])
+    m, r = _place((v_r - lower[3]) * inverse[3], shape[3])
+    n, o = _place((v_o - lower[4]) * inverse[4], shape[4])
+    step_r = np.uint64(shape[4])
+    step_theta = step_r * np.uint64(shape[3])
+    step_y = step_theta * np.uint64(shape[2])
+    step_x = step_y * np.uint64(shape[1])
+    corner = i * step_x + j * step_y + k * step_theta + m * step_r + n
+    return Cell(corner, step_x, step_y, step_theta, step_r, x, y, t, r, o)
+
+
+@njit(cache=True)
+def _over_speeds(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[float, float, float]:
+    """Return value, slope in v_r and slope in v_o (per cell) at a node in position and heading."""
+    above = corner + cell.step_r
+    slow, fast = flat[corner], flat[above]
+    slow_rise, fast_rise = flat[corner + _ONE] - slow, flat[above + _ONE] - fast
+    low = slow + cell.o * slow_rise
+    rise = fast + cell.o * fast_rise - low
+    return low + cell.r * rise, rise, slow_rise + cell.r * (fast_rise - slow_rise)
+
+
+@njit(cache=True)
+def _over_headings(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[float, float, float, float]:
+    """Return value and slopes in θ, v_r, v_o at a node in position."""
+    share = cell.theta
+    low, low_r, low_o = _over_speeds(flat, corner, cell)
+    high, high_r, high_o = _over_speeds(flat, corner + cell.step_theta, cell)
+    rise = high - low
+    return low + share * rise, rise, low_r + share * (high_r - low_r), low_o + share * (high_o - low_o)
+
+
+@njit(cache=True)
+def _over_width(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[float, float, float, float, float]:
+    """Return value and slopes in p_y, θ, v_r, v_o at a node in p_x."""
+    share = cell.y
+    low, low_t, low_r, low_o = _over_headings(flat, corner, cell)
+    high, high_t, high_r, high_o = _over_headings(flat, corner + cell.step_y, cell)
+    rise = high - low
+    return (
+        low + share * rise,
+        rise,
+        low_t + share * (high_t - low_t),
+        low_r + share * (high_r - low_r),
+        low_o + share * (high_o - low_o),
+    )
+
+
+@njit(cache=True)
+def value_and_gradient_at(
+    table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float, gradient_out: np.ndarray
+) -> float:
+    """Return V and write ∂V/∂x, (5,), per state unit; +inf and zeros outside the grid in p_x or p_y."""
+    xi = p_x - shift_of_grid(table, v_r, v_o)
+    if _is_outside(table, xi, p_y):
+        for axis in range(5):
+            gradient_out[axis] = 0.0
+        return math.inf
+    cell = _cell_of(table, xi, p_y, theta, v_r, v_o)
+    flat, share, inverse = table.flat, cell.x, table.inverse_spacing
+    low, low_y, low_t, low_r, low_o = _over_width(flat, cell.corner, cell)
+    high, high_y, high_t, high_r, high_o = _over_width(flat, cell.corner + cell.step_x, cell)
+    deficit = float(low + share * (high - low))
+    gradient_out[0] = -(high - low) * inverse[0]
+    gradient_out[1] = -(low_y + share * (high_y - low_y)) * inverse[1]
+    gradient_out[2] = -(low_t + share * (high_t - low_t)) * inverse[2]
+    gradient_out[3] = -(low_r + share * (high_r - low_r)) * inverse[3]
+    gradient_out[4] = -(low_o + share * (high_o - low_o)) * inverse[4]
+    # ξ changes with the speeds.
+    gradient_out[3] += 2.0 * table.braking_shear * _clamped(table, 3, v_r) * gradient_out[0]
+    gradient_out[4] -= 2.0 * table.braking_shear * _clamped(table, 4, v_o) * gradient_out[0]
+    if not table.has_target:
+        return -deficit
+    target, by_x, by_y, by_theta, by_r, by_o = _target_and_gradient(table, p_x, p_y, theta, v_r, v_o)
+    if deficit == 0.0:  # then W, which is nowhere negative, is 0 all around
+        gradient_out[0], gradient_out[1], gradient_out[2] = by_x, by_y, by_theta
+        gradient_out[3], gradient_out[4] = by_r, by_o
+        return target
+    scaled_target = scaled(target)
+    scaled_value = scaled_target - deficit
+    # ∇V = dV/ds (∇V0 / (dV0/ds) − ∇W)
+    steep = steepness(scaled_value)
+    share_of_target = steep / steepness(scaled_target)
+    gradient_out[0] = share_of_target * by_x + steep * gradient_out[0]
+    gradient_out[1] = share_of_target * by_y + steep * gradient_out[1]
+    gradient_out[2] = share_of_target * by_theta + steep * gradient_out[2]
+    gradient_out[3] = share_of_target * by_r + steep * gradient_out[3]
+    gradient_out[4] = share_of_target * by_o + steep * gradient_out[4]
+    return unscaled(scaled_value)
+
+
+@njit(cache=True)
+def value_at(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
+    """Return V, m; +inf outside the grid in p_x or p_y."""
+    xi = p_x - shift_of_grid(table, v_r, v_o)
+    if _is_outside(table, xi, p_y):
+        return math.inf
+    cell = _cell_of(table, xi, p_y, theta, v_r, v_o)
+    flat = table.flat
+    # The slopes are not used, and the compiler leaves them out.
+    low = _over_width(flat, cell.corner, cell)[0]
+    high = _over_width(flat, cell.corner + cell.step_x, cell)[0]
+    deficit = float(low + cell.x * (high - low))
+    if not table.has_target:
+        return -deficit
+    target = _target(table, p_x, p_y, theta, v_r, v_o)
+    return unscaled(scaled(target) - deficit) if deficit > 0.0 else target
+
+
+@njit(cache=True)
+def values_and_gradients(table: TableArrays, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return V (N,) and ∂V/∂x (N, 5) at `states` (N, 5)."""
+    values = np.empty(states.shape[0])
+    gradients = np.empty((states.shape[0], 5))
+    for row in range(states.shape[0]):
+        values[row] = value_and_gradient_at(
+            table, states[row, 0], states[row, 1], states[row, 2], states[row, 3], states[row, 4], gradients[row]
+        )
+    return values, gradients

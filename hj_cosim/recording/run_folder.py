@@ -1,0 +1,333 @@
+"""A run's folder: config.toml, trajectories.parquet, robot.parquet, drivers.parquet, summary.json and figures/.
+
+A folder appears whole or not at all, and the same record gives the same bytes: the order of the rows and the
+compression are fixed, and nothing that depends on the time or the machine is written into the Parquet files.
+"""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from pydantic import TypeAdapter
+
+from hj_cosim.errors import ConfigurationError, HjCosimError, RunFolderError
+from hj_cosim.files import naming_the_place, remove_abandoned, require_writable, temporary_folder
+from hj_cosim.recording.columns import name_column, numeric_column, text_column
+from hj_cosim.recording.record import NO_VEHICLE, ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
+from hj_cosim.recording.run_bounds import (
+    open_columns,
+    plain_column,
+    plain_numbers,
+    require_finite,
+    require_road,
+    require_room,
+    require_times,
+)
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import EpisodeConfig, read_toml, validate
+
+CONFIG = "config.toml"
+TRAJECTORIES = "trajectories.parquet"
+ROBOT = "robot.parquet"
+SUMMARY = "summary.json"
+DRIVERS = "drivers.parquet"
+FIGURES = "figures"
+
+ROWS_PER_GROUP = 1 << 17  # written and read at a time, so that a long drive of many cars needs little memory
+_TRAFFIC_FLOATS = ("x", "y", "heading", "speed", "acceleration")
+_DRIVER_COLUMNS = (  # in the order of vehicles.idm
+    "desired_speed",
+    "max_acceleration",
+    "comfortable_deceleration",
+    "time_headway",
+    "minimum_gap",
+    "exponent",
+)
+_ROAD_KEY = b"hj_cosim.road"
+LARGEST_SUMMARY = 1_000_000  # bytes
+# What the title of a report and of a figure needs.
+_SUMMARY_KEYS = {"scenario", "planner", "filter", "scheme", "seed"}
+_ROBOT_STATE = ("x", "y", "heading", "speed", "steering", "omega", "acceleration", "plan_speed", "plan_lane")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run as read back from its folder."""
+
+    folder: Path
+    config: Mapping[str, Any]
+    summary: Mapping[str, Any]
+    record: RunRecord
+
+
+def require_free_folder(folder: Path) -> None:
+    """Check, before the work, that a run can be written to `folder`.
+
+    Raises:
+        RunFolderError: if it is a file, a folder that already holds something, or where one may not write.
+    """
+    if folder.is_dir():
+        remove_abandoned(folder)  # a study that was killed over its first file left nothing else
+    if folder.is_dir() and any(folder.iterdir()):
+        what = "already holds a run" if (folder / SUMMARY).exists() else "is not empty"
+        raise RunFolderError(f"{folder} {what}; choose another --out, or remove it")
+    if folder.exists() and not folder.is_dir():
+        raise RunFolderError(f"{folder} is a file, a run needs a folder; choose another --out")
+    try:
+        require_writable(folder)
+    except HjCosimError as error:
+        raise RunFolderError(str(error)) from error
+
+
+@contextmanager
+def whole_folder(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder beside `folder`; it takes `folder`'s place when the block ends without an error.
+
+    Raises:
+        RunFolderError: if `folder` already holds something, or cannot be written.
+    """
+    require_free_folder(folder)
+    with naming_the_place(folder, RunFolderError):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with temporary_folder(folder.parent, folder.name) as temporary:
+            # It is made private; what we write is as readable as any other folder of the user.
+            temporary.chmod(folder.parent.stat().st_mode & 0o777)
+            yield temporary
+            temporary.replace(folder)
+
+
+def write_run(
+    folder: Path,
+    record: RunRecord,
+    config_text: str,
+    summary: Mapping[str, Any],
+    drivers: np.ndarray | None = None,
+) -> None:
+    """Write a run's folder, without its figures; all of it or nothing.
+
+    Args:
+        folder: must not exist yet, or be empty.
+        record: the run.
+        config_text: the resolved configuration as TOML.
+        summary: as `analysis.summary.summarize` returns it.
+        drivers: (J, 6) IDM parameters of the cars, in the order of vehicles.idm; drivers.parquet unless None.
+
+    Raises:
+        RunFolderError: if `folder` already holds something, or cannot be written.
+    """
+    with whole_folder(folder) as temporary:
+        (temporary / CONFIG).write_text(config_text, encoding="utf-8")
+        write_trajectories(temporary / TRAJECTORIES, record)
+        _write_table(temporary / ROBOT, robot_table(record))
+        if drivers is not None:
+            _write_table(temporary / DRIVERS, driver_table(record.traffic.names, drivers))
+        (temporary / SUMMARY).write_text(summary_text(summary), encoding="utf-8")
+        (temporary / FIGURES).mkdir()
+
+
+def summary_text(summary: Mapping[str, Any]) -> str:
+    """Return a summary as strict JSON: what is not finite (no car was ever approached) becomes null."""
+    finite = {key: None if _is_not_finite(value) else value for key, value in summary.items()}
+    return json.dumps(finite, indent=2, allow_nan=False) + "\n"
+
+
+def _is_not_finite(value: Any) -> bool:
+    return isinstance(value, float) and not np.isfinite(value)
+
+
+def write_trajectories(path: Path, record: RunRecord) -> None:
+    """Write trajectories.parquet: a row per sample and car that is present; at one time the robot comes first."""
+    schema = _trajectory_table(record, 0, 0).schema
+    samples_per_group = max(ROWS_PER_GROUP // (len(record.traffic.names) + 1), 1)
+    with pq.ParquetWriter(path, schema, **_writing(schema)) as writer:
+        for start in range(0, len(record.time), samples_per_group):
+            writer.write_table(_trajectory_table(record, start, start + samples_per_group))
+
+
+def _trajectory_table(record: RunRecord, start: int, stop: int) -> pa.Table:
+    """Return the rows of samples start to stop."""
+    traffic, robot, road = record.traffic, record.robot, record.road
+    window = slice(start, stop)
+    time = record.time[window]
+    present = np.column_stack([np.ones(len(time), bool), traffic.present[window]])
+    sample, column = np.nonzero(present)  # in the order of time, then of the columns
+
+    def both(of_robot: np.ndarray, of_cars: np.ndarray) -> np.ndarray:
+        return np.asarray(np.column_stack([of_robot[window], of_cars[window]])[present])
+
+    robot_lane = np.clip(np.floor(robot.y / road.lane_width + 0.5), 0, road.lane_count - 1).astype(np.int8)
+    columns = {
+        "time": numeric_column(time[sample]),
+        "vehicle": name_column(column, (ROBOT_NAME, *traffic.names)),
+        **{name: numeric_column(both(getattr(robot, name), getattr(traffic, name))) for name in _TRAFFIC_FLOATS},
+        "lane": numeric_column(both(robot_lane, traffic.lane).astype(np.int8)),
+        "length": numeric_column(np.append(record.robot_length, traffic.length)[column]),
+        "width": numeric_column(np.append(record.robot_width, traffic.width)[column]),
+    }
+    return pa.table(columns).replace_schema_metadata({_ROAD_KEY: json.dumps(asdict(road)).encode()})
+
+
+def robot_table(record: RunRecord) -> pa.Table:
+    """Return robot.parquet's table: a row per sample, the columns of SPEC section 2."""
+    columns = {"time": numeric_column(record.time)}
+    for field in fields(RobotTrack):
+        columns[field.name] = numeric_column(getattr(record.robot, field.name))
+    columns["value_vehicle"] = name_column(record.robot.value_vehicle, record.traffic.names)
+    for field in fields(ThreatTrack):
+        columns[field.name] = numeric_column(getattr(record.threats, field.name))
+    return pa.table(columns)
+
+
+def driver_table(names: Sequence[str], drivers: np.ndarray) -> pa.Table:
+    """Return drivers.parquet's table: a row per car, what its driver was drawn with (`drivers` as in write_run)."""
+    columns = {name: numeric_column(drivers[:, number]) for number, name in enumerate(_DRIVER_COLUMNS)}
+    return pa.table({"vehicle": text_column(names), **columns})
+
+
+def _write_table(path: Path, table: pa.Table) -> None:
+    pq.write_table(table, path, **_writing(table.schema))
+
+
+def _writing(schema: pa.Schema) -> dict[str, Any]:
+    """Return how Parquet is written: measured to be both the fastest and nearly the smallest."""
+    return {
+        "compression": "zstd",
+        "compression_level": 1,
+        "use_dictionary": [field.name for field in schema if pa.types.is_dictionary(field.type)],
+        "use_byte_stream_split": [field.name for field in schema if pa.types.is_floating(field.type)],
+        "write_statistics": ["time"],
+    }
+
+
+def read_run(folder: Path) -> Run:
+    """Return the run in `folder`, which anybody may have made.
+
+    Raises:
+        RunFolderError: if the folder or one of its files is missing, broken, or larger than `run_bounds` allows.
+    """
+    config = read_config(folder)
+    missing = [name for name in (TRAJECTORIES, ROBOT, SUMMARY) if not (folder / name).exists()]
+    if missing:
+        raise RunFolderError(f"{folder} holds no complete run: {', '.join(missing)} is missing")
+    try:
+        summary = read_summary(folder / SUMMARY)
+        with open_columns(folder / TRAJECTORIES) as trajectories, open_columns(folder / ROBOT) as robot:
+            record = _read_record(trajectories, robot)
+    except (OSError, ValueError, KeyError, IndexError) as error:  # pyarrow's and json's errors are among these
+        raise RunFolderError(f"{folder} holds no readable run: {error}") from error
+    return Run(folder, config, summary, record)
+
+
+def read_config(folder: Path) -> dict[str, Any]:
+    """Return the content of a run's config.toml, checked, and completed where it leaves something to its default.
+
+    Raises:
+        RunFolderError: if it is missing or broken.
+    """
+    if not folder.is_dir():
+        raise RunFolderError(f"{folder} is not a folder; give the folder that a run wrote")
+    if not (folder / CONFIG).is_file():
+        raise RunFolderError(f"{folder} holds no run: {CONFIG} is missing")
+    try:
+        config = validate(EpisodeConfig, read_toml(folder / CONFIG), str(folder / CONFIG))
+    except ConfigurationError as error:
+        raise RunFolderError(f"{folder} holds no readable run: {error}") from error
+    return config.model_dump(mode="json", exclude_none=True)
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """Return the content of a run's summary.json.
+
+    Raises:
+        OSError: if it cannot be read.
+        ValueError: if it is larger than LARGEST_SUMMARY, no JSON, or no summary.
+    """
+    with path.open("rb") as file:
+        content = file.read(LARGEST_SUMMARY + 1)
+    if len(content) > LARGEST_SUMMARY:
+        raise ValueError(f"{path.name} is too large; {LARGEST_SUMMARY / 1e6:g} MB is the most")
+    try:
+        summary = json.loads(content)
+    except RecursionError as error:
+        raise ValueError(f"{path.name} is nested too deeply") from error
+    if not isinstance(summary, dict) or not summary.keys() >= _SUMMARY_KEYS:
+        raise ValueError(f"{path.name} is no summary: it must have {', '.join(sorted(_SUMMARY_KEYS))}")
+    if any(isinstance(value, list | dict) for value in summary.values()):
+        raise ValueError(f"{path.name} is no summary: it must have one number or text a key")
+    return summary
+
+
+def road_of(schema: pa.Schema) -> Road:
+    """Return the road that trajectories.parquet carries in its metadata.
+
+    Raises:
+        KeyError: if it carries none.
+        ValueError: if that is no road.
+    """
+    try:
+        road = TypeAdapter(Road).validate_json((schema.metadata or {})[_ROAD_KEY])
+    except KeyError as error:
+        raise KeyError(f"{TRAJECTORIES} does not say what road it is about") from error
+    require_road(road)
+    return road
+
+
+def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> RunRecord:
+    road = road_of(trajectories.schema_arrow)
+    robot = robot_file.read()
+    time = plain_column(robot, "time")
+    require_times(time)
+    first = _vehicle_names(trajectories)
+    require_room(len(time), len(first))
+    names = tuple(first[1:])
+    body = np.zeros((len(first), 2))
+    traffic = TrafficTrack.empty(names, body[1:, 0], body[1:, 1], len(time))
+    for group in range(trajectories.num_row_groups):
+        rows = trajectories.read_row_group(group)
+        vehicle = rows["vehicle"].combine_chunks()
+        if group > 0 and vehicle.dictionary.to_pylist() != first:
+            raise ValueError(f"{TRAJECTORIES} numbers its vehicles differently from place to place")
+        car = plain_numbers(vehicle.indices, "vehicle")
+        sample = np.searchsorted(time, plain_column(rows, "time"))
+        columns = {name: plain_column(rows, name) for name in ("length", "width", *_TRAFFIC_FLOATS, "lane")}
+        require_finite(columns)
+        body[car, 0], body[car, 1] = columns["length"], columns["width"]
+        others = car > 0
+        place = (sample[others], car[others] - 1)
+        traffic.present[place] = True
+        for name in (*_TRAFFIC_FLOATS, "lane"):
+            getattr(traffic, name)[place] = columns[name][others]
+    columns = {name: plain_column(robot, name) for name in robot.column_names if name != "value_vehicle"}
+    require_finite({name: columns[name] for name in _ROBOT_STATE})
+    columns["value_vehicle"] = _vehicle_numbers(robot["value_vehicle"].combine_chunks())
+    if columns["value_vehicle"].max(initial=0) >= max(len(names), 1):
+        raise ValueError(f"{ROBOT} names a vehicle that {TRAJECTORIES} does not have")
+    return RunRecord(
+        time=time,
+        road=road,
+        robot_length=float(body[0, 0]),
+        robot_width=float(body[0, 1]),
+        traffic=traffic,
+        robot=RobotTrack(**{field.name: columns[field.name] for field in fields(RobotTrack)}),
+        threats=ThreatTrack(**{field.name: columns[field.name] for field in fields(ThreatTrack)}),
+    )
+
+
+def _vehicle_names(trajectories: pq.ParquetFile) -> list[str]:
+    """Return the names of all vehicles, the robot's first."""
+    chunks = trajectories.read_row_group(0, columns=["vehicle"])["vehicle"].chunks
+    names = chunks[0].dictionary.to_pylist() if chunks else []
+    if not names or not all(isinstance(name, str) for name in names):
+        raise ValueError(f"{TRAJECTORIES} names no vehicle")
+    return names
+
+
+def _vehicle_numbers(vehicle: pa.DictionaryArray) -> np.ndarray:
+    """Return (T,) vehicle numbers of robot.parquet's names; NO_VEHICLE where there is none."""
+    return np.asarray(vehicle.indices.fill_null(NO_VEHICLE))

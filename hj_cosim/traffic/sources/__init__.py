@@ -1,0 +1,1 @@
+"""Where traffic comes from: drawn at random, or placed by hand."""

@@ -1,0 +1,244 @@
+"""Where the cars of a scenario stand, how fast they are, and who drives them, when the episode begins."""
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hj_cosim.errors import ScenarioError
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import NormalDistribution, RobotSettings, Scenario, TrafficSettings
+from hj_cosim.traffic.settling import mean_driver, robot_driver
+from hj_cosim.vehicles.idm import DESIRED_SPEED, MINIMUM_GAP, equilibrium_speed, idm_acceleration
+
+CAR_LENGTH = 5.0  # m (SPEC section 4)
+CAR_WIDTH = 2.0  # m
+# What is left free behind the last car and the robot, so that nobody's rear sticks out of the road (m).
+REAR_MARGIN = 50.0
+
+
+@dataclass(frozen=True)
+class InitialTraffic:
+    """The J background cars and the robot at the start; road frame, centres, SI."""
+
+    x: np.ndarray  # (J,) m
+    lane: np.ndarray  # (J,) int
+    speed: np.ndarray  # (J,) m/s
+    drivers: np.ndarray  # (J, 6) IDM parameters in the order of vehicles.idm
+    robot: np.ndarray  # (4,) p_x, p_y, θ, v
+
+
+def mean_spacing(traffic: TrafficSettings, lane_count: int) -> float:
+    """Return the mean distance (m) from a car to the next one in whichever lane, 1.5 v exp(−5 n/30) times a factor."""
+    if traffic.density is not None:
+        return 1000.0 / (traffic.density * lane_count)
+    speed = 0.5 * (traffic.speed_low + traffic.speed_high)
+    return traffic.spacing_factor * 1.5 * speed * math.exp(-5.0 * lane_count / 30.0)
+
+
+def density(traffic: TrafficSettings, lane_count: int) -> float:
+    """Return the cars per km and lane."""
+    return 1000.0 / (mean_spacing(traffic, lane_count) * lane_count)
+
+
+def stream_speed(scenario: Scenario, lane_count: int) -> float:
+    """Return the speed (m/s) that a mean driver keeps when every lane holds the scenario's density evenly."""
+    gap = mean_spacing(scenario.traffic, lane_count) * lane_count - CAR_LENGTH
+    return equilibrium_speed(gap, mean_driver(scenario.drivers)) if gap > 0.0 else 0.0
+
+
+def initial_traffic(scenario: Scenario, road: Road, robot: RobotSettings, seed: int) -> InitialTraffic:
+    """Return the cars of `scenario`, drawn with `seed`.
+
+    Distances from car to car are the mean spacing ± the jitter; the lane is drawn among those in which the
+    rear one of two neighbours could drive at half the stream's speed, or is the emptiest one. Nobody starts
+    faster than IDM holds at its gap or behind its leader, so that nobody has to brake at once. The foremost
+    drawn car of a lane never drives faster than the stream: it stands for the traffic that goes on ahead,
+    without which a jam would dissolve from its head. Cars that the scenario places by hand, and the robot among
+    none but those, keep the speeds they are given.
+
+    Raises:
+        ScenarioError: if the cars do not fit on the road.
+    """
+    # Separate streams: a change in how places are drawn does not change who drives, and the other way round.
+    places, people = (np.random.default_rng([seed, purpose]) for purpose in (0, 1))
+    if scenario.robot.lane >= road.lane_count:
+        raise ScenarioError(
+            f"scenario {scenario.name}: robot.lane = {scenario.robot.lane}, but the road has lanes 0 to"
+            f" {road.lane_count - 1}"
+        )
+    x, lane = _places(scenario, road.lane_count, places)
+    drawn = len(x)
+    drivers = draw_drivers(scenario, drawn + len(scenario.cars), people)
+    wanted = places.uniform(scenario.traffic.speed_low, scenario.traffic.speed_high, drawn)
+    _slow_the_foremost(x, lane, drivers, stream_speed(scenario, road.lane_count))
+    for number, car in enumerate(scenario.cars, start=drawn):
+        drivers[number, DESIRED_SPEED] = car.desired_speed or max(drivers[number, DESIRED_SPEED], car.speed)
+    x = np.append(x, [car.x for car in scenario.cars])
+    lane = np.append(lane, [car.lane for car in scenario.cars]).astype(np.int64)
+    wanted = np.append(wanted, [car.speed for car in scenario.cars])
+    start = REAR_MARGIN + max(0.0, -x.min(initial=0.0))
+    _check_room(scenario, road, robot, x, lane, start)
+
+    everyone = np.vstack([drivers, robot_driver(scenario.drivers, scenario.robot.speed)])
+    speed = _start_speeds(
+        np.append(x, 0.0),
+        np.append(lane, scenario.robot.lane),
+        np.append(wanted, scenario.robot.speed),
+        np.append(np.full(len(x), CAR_LENGTH), robot.length),
+        everyone,
+        given=np.append(np.arange(len(x)) >= drawn, scenario.is_hand_made),
+    )
+    robot_state = np.array([start, road.lane_centre(scenario.robot.lane), 0.0, speed[-1]])
+    return InitialTraffic(x + start, lane, speed[:-1], drivers, robot_state)
+
+
+def draw_drivers(scenario: Scenario, count: int, random: np.random.Generator) -> np.ndarray:
+    """Return the IDM parameters of `count` drivers, (count, 6) in the order of vehicles.idm."""
+    settings = scenario.drivers
+    columns = [
+        truncated_normal(distribution, count, random)
+        for distribution in (
+            settings.desired_speed,
+            settings.max_acceleration,
+            settings.comfortable_deceleration,
+            settings.time_headway,
+            settings.minimum_gap,
+        )
+    ]
+    return np.column_stack([*columns, np.full(count, settings.exponent)])
+
+
+def truncated_normal(distribution: NormalDistribution, count: int, random: np.random.Generator) -> np.ndarray:
+    """Return `count` draws (count,); those beyond the truncation are drawn again."""
+    deviations = random.standard_normal(count)
+    while (outside := np.abs(deviations) > distribution.truncation).any():
+        deviations[outside] = random.standard_normal(int(outside.sum()))
+    return distribution.mean + distribution.deviation * deviations
+
+
+def _places(scenario: Scenario, lane_count: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Return x relative to the robot (m) and the lane of every drawn car: those ahead, then those behind."""
+    traffic = scenario.traffic
+    spacing = mean_spacing(traffic, lane_count)
+    least = _gap_at(0.5 * stream_speed(scenario, lane_count), mean_driver(scenario.drivers)) + CAR_LENGTH
+    nearest = np.full(lane_count, -math.inf)
+    # The robot has the room ahead that a car of the stream has on average: otherwise a close leader in its lane would
+    # decide how the episode begins.
+    nearest[scenario.robot.lane] = max(spacing * lane_count - least, 0.0)
+    ahead = _one_direction(traffic.count, spacing, traffic.spacing_jitter, least, nearest, random)
+    nearest = np.full(lane_count, math.inf)
+    for x, lane in zip(*ahead, strict=True):
+        nearest[lane] = min(nearest[lane], x)
+    nearest[scenario.robot.lane] = 0.0
+    behind = _one_direction(traffic.count_behind, spacing, traffic.spacing_jitter, least, -nearest, random)
+    return np.concatenate([ahead[0], -behind[0]]), np.concatenate([ahead[1], behind[1]])
+
+
+def _one_direction(
+    count: int, spacing: float, jitter: float, least: float, nearest: np.ndarray, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return distances (m) from the robot, growing, and lanes; `nearest` (lanes,) is who stands there already."""
+    distances = np.cumsum(spacing * random.uniform(1.0 - jitter, 1.0 + jitter, count))
+    lanes = np.empty(count, dtype=np.int64)
+    last = nearest.copy()
+    for car, distance in enumerate(distances):
+        room = distance - last
+        open_lanes = np.flatnonzero(room >= least)
+        lanes[car] = random.choice(open_lanes) if len(open_lanes) else np.argmax(room)
+        last[lanes[car]] = distance
+    return distances, lanes
+
+
+def _gap_at(speed: float, driver: np.ndarray) -> float:
+    """Return the gap (m) at which `speed` is IDM's equilibrium speed, by bisection."""
+    low, high = 0.0, 1000.0
+    while high - low > 1e-3:
+        middle = 0.5 * (low + high)
+        if equilibrium_speed(middle, driver) < speed:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _slow_the_foremost(x: np.ndarray, lane: np.ndarray, drivers: np.ndarray, speed: float) -> None:
+    """Let the foremost of the drawn cars in each lane want no more than `speed` (m/s); changes `drivers`."""
+    for number in np.unique(lane):
+        members = np.flatnonzero(lane == number)
+        foremost = members[np.argmax(x[members])]
+        drivers[foremost, DESIRED_SPEED] = min(drivers[foremost, DESIRED_SPEED], max(speed, 0.1))
+
+
+def _start_speeds(
+    x: np.ndarray, lane: np.ndarray, wanted: np.ndarray, length: np.ndarray, drivers: np.ndarray, given: np.ndarray
+) -> np.ndarray:
+    """Return everyone's start speed (m/s), from the front to the back; `given` ones keep what they want."""
+    speed = np.minimum(wanted, drivers[:, DESIRED_SPEED])
+    order = np.argsort(-x)
+    leader_of_lane: dict[int, int] = {}
+    for car in order:
+        leader = leader_of_lane.get(int(lane[car]))
+        leader_of_lane[int(lane[car])] = car
+        if leader is not None and not given[car]:
+            gap = x[leader] - x[car] - 0.5 * (length[leader] + length[car])
+            held = equilibrium_speed(gap, drivers[car])
+            speed[car] = min(speed[car], held, _speed_without_braking(gap, speed[leader], drivers[car]))
+    return speed
+
+
+def _speed_without_braking(gap: float, lead_speed: float, driver: np.ndarray) -> float:
+    """Return the highest speed (m/s) at which IDM does not brake behind a leader of `lead_speed`, by bisection."""
+    low, high = 0.0, driver[DESIRED_SPEED]
+    while high - low > 1e-6:
+        middle = 0.5 * (low + high)
+        if idm_acceleration(middle, gap, lead_speed, driver) > 0.0:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _check_room(
+    scenario: Scenario, road: Road, robot: RobotSettings, x: np.ndarray, lane: np.ndarray, start: float
+) -> None:
+    """Refuse cars that overlap, stand closer than their minimum gap, or stand beside the road."""
+    if len(lane) and lane.max() >= road.lane_count:
+        raise ScenarioError(
+            f"scenario {scenario.name}: a car is in lane {lane.max()}, but the road has lanes 0 to"
+            f" {road.lane_count - 1}"
+        )
+    drawn = len(x) - len(scenario.cars)
+    needed = start + max(x.max(initial=0.0), 0.0) + REAR_MARGIN
+    if needed > road.length:
+        raise ScenarioError(
+            f"scenario {scenario.name}: its {len(x)} cars take {needed:.0f} m, but the road is {road.length:.0f} m"
+            " long; take fewer cars, a higher density or a longer road"
+        )
+    centres, lanes = np.append(x, 0.0), np.append(lane, scenario.robot.lane)
+    lengths = np.append(np.full(len(x), CAR_LENGTH), robot.length)
+    minimum_gap = mean_driver(scenario.drivers)[MINIMUM_GAP]
+    order = np.lexsort((centres, lanes))
+    for rear, front in itertools.pairwise(order):
+        gap = centres[front] - centres[rear] - 0.5 * (lengths[front] + lengths[rear])
+        if lanes[rear] != lanes[front]:
+            continue
+        if gap <= 0.0:
+            raise ScenarioError(
+                f"scenario {scenario.name}: cars overlap in lane {lanes[rear]} at x = {centres[rear]:.1f} and"
+                f" {centres[front]:.1f} m; place them at least {0.5 * (lengths[front] + lengths[rear]):.1f} m apart"
+                if rear >= drawn or front >= drawn
+                else _too_dense(scenario, road)
+            )
+        if gap < 0.5 * minimum_gap and rear < drawn and front < drawn:
+            raise ScenarioError(_too_dense(scenario, road))
+
+
+def _too_dense(scenario: Scenario, road: Road) -> str:
+    here = density(scenario.traffic, road.lane_count)
+    most = 1000.0 / (CAR_LENGTH + scenario.drivers.minimum_gap.mean)
+    return (
+        f"scenario {scenario.name}: {here:.0f} cars per km and lane do not fit (standing still, {most:.0f} do);"
+        " lower traffic.density or raise traffic.spacing_factor"
+    )

@@ -1,0 +1,65 @@
+"""Finding, reading and explaining scenarios: the TOML files of sumo_net/ and users' own."""
+
+from pathlib import Path
+from typing import Any
+
+from hj_cosim.errors import NetworkError
+from hj_cosim.locations import find_toml, names_in, scenarios_folder
+from hj_cosim.settings import NetworkSettings, Scenario, read_toml, shown, validate
+
+
+def scenario_path(name_or_path: str) -> Path:
+    """Return the TOML file that a scenario's name or path means.
+
+    Raises:
+        ConfigurationError: if there is none.
+    """
+    return find_toml(str(name_or_path), scenarios_folder(), "scenario")
+
+
+def scenario_data(name_or_path: str) -> dict[str, Any]:
+    """Return what a scenario's file states, unchecked, with its name; presets lie below it, `--set` above.
+
+    Raises:
+        ConfigurationError: if there is no such file or it is not TOML.
+    """
+    path = scenario_path(name_or_path)
+    return {"name": path.stem, **read_toml(path)}
+
+
+def load_scenario(name_or_path: str) -> Scenario:
+    """Return a scenario by its name in sumo_net/ or by the path of its TOML file, SI units throughout.
+
+    Raises:
+        ConfigurationError: if there is no such file, it is not TOML, or a key or value in it is wrong.
+    """
+    return validate(Scenario, scenario_data(name_or_path), str(scenario_path(name_or_path)))
+
+
+def network_path(network: NetworkSettings, scenario_folder: Path | None = None) -> Path:
+    """Return the network's file: an absolute path, beside the scenario, or in sumo_net/, in this order.
+
+    Raises:
+        NetworkError: if there is no such file.
+    """
+    folders = [scenario_folder] if scenario_folder is not None else []
+    for folder in [*folders, scenarios_folder()]:
+        path = _existing_file(folder, network.file)
+        if path is not None:
+            return path
+    looked = " or ".join(str(folder) for folder in [*folders, scenarios_folder()])
+    name = shown(repr(network.file))
+    raise NetworkError(f"the network {name} is not in {looked}; set network.file to a .net.xml that exists")
+
+
+def _existing_file(folder: Path, name: str) -> Path | None:
+    try:
+        path = (folder / Path(name).expanduser()).resolve()
+        return path if path.is_file() else None
+    except (OSError, ValueError, RuntimeError):  # a name too long, with NUL in it, of a user whom nobody knows
+        return None
+
+
+def scenario_names() -> list[str]:
+    """Return the names of the scenarios in sumo_net/."""
+    return names_in(scenarios_folder())

@@ -1,0 +1,102 @@
+"""What SUMO is started with: the route file of the cars at their places, and the command line."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from hj_cosim.traffic.sources.placement import CAR_LENGTH, CAR_WIDTH, InitialTraffic
+from hj_cosim.vehicles.idm import (
+    COMFORTABLE_DECELERATION,
+    DESIRED_SPEED,
+    EXPONENT,
+    MAX_ACCELERATION,
+    MINIMUM_GAP,
+    TIME_HEADWAY,
+)
+
+LANE_CHANGE_SECONDS = 3.0
+# SUMO takes the least of a car's own top speed and the lane's limit times this factor: the own one shall count.
+IGNORE_SPEED_LIMIT = 100.0
+
+
+def command_line(network: Path, routes: Path, log: Path, step: float, seed: int, check_collisions: bool) -> list[str]:
+    """Return SUMO's command line.
+
+    Args:
+        network: the .net.xml.
+        routes: the route file.
+        log: where SUMO writes every warning and error.
+        step: s.
+        seed: of SUMO's own random numbers.
+        check_collisions: whether SUMO warns of cars that overlap. With continuous lane changes it compares every
+            car of a lane with every other, which at 400 cars is more than half of its step.
+    """
+    options = {
+        "net-file": network,
+        "route-files": routes,
+        "step-length": step,
+        "seed": seed % 2**31,  # SUMO's is a 32-bit integer
+        "eager-insert": True,  # everyone in the first step
+        "lanechange.duration": LANE_CHANGE_SECONDS,  # continuous changes instead of jumps
+        "time-to-teleport": -1,
+        "collision.action": "warn" if check_collisions else "none",
+        "collision.mingap-factor": 0,  # overlaps, not small gaps
+        "no-step-log": True,
+        "error-log": log,
+        # Warnings do go to error-log; this only keeps SUMO from writing them to stderr as well.
+        "no-warnings": True,
+    }
+    words = ["sumo"]
+    for name, value in options.items():
+        words += [f"--{name}", str(value).lower() if isinstance(value, bool) else str(value)]
+    return words
+
+
+def write_routes(
+    path: Path, edge: str, traffic: InitialTraffic, names: Sequence[str], robot_driver: np.ndarray, robot_name: str,
+    robot_length: float, robot_width: float, robot_lane: int,
+) -> None:  # fmt: skip
+    """Write the route file that puts every car, and the robot, at its place.
+
+    Args:
+        path: where to.
+        edge: the road.
+        traffic: the cars and the robot.
+        names: the cars' (J,).
+        robot_driver: (6,) what SUMO's safety check of lane changes takes the robot to be.
+        robot_name, robot_length, robot_width: of the robot (m).
+        robot_lane: the lane that it starts in.
+    """
+    lines = ["<routes>", f'<route id="road" edges={quoteattr(edge)}/>']
+    for name, driver in zip(names, traffic.drivers, strict=True):
+        lines.append(vehicle_type(name, driver, driver[DESIRED_SPEED], CAR_LENGTH, CAR_WIDTH))
+    # The robot's speed is not SUMO's to limit.
+    lines.append(vehicle_type(robot_name, robot_driver, 1000.0, robot_length, robot_width))
+    for name, x, lane, speed in zip(names, traffic.x, traffic.lane, traffic.speed, strict=True):
+        lines.append(_vehicle(name, x + 0.5 * CAR_LENGTH, lane, speed))
+    lines.append(_vehicle(robot_name, traffic.robot[0] + 0.5 * robot_length, robot_lane, traffic.robot[3]))
+    lines.append("</routes>")
+    path.write_text("\n".join(lines), encoding="utf-8")
+
+
+def vehicle_type(name: str, driver: np.ndarray, top_speed: float, length: float, width: float) -> str:
+    """Return the <vType> of one IDM driver: (6,) parameters, top speed m/s, body m."""
+    return (
+        f'<vType id="{name}" vClass="passenger" carFollowModel="IDM" length="{length!r}" width="{width!r}"'
+        f' accel="{driver[MAX_ACCELERATION]:.17g}" decel="{driver[COMFORTABLE_DECELERATION]:.17g}"'
+        f' tau="{driver[TIME_HEADWAY]:.17g}" minGap="{driver[MINIMUM_GAP]:.17g}" delta="{driver[EXPONENT]:.17g}"'
+        f' maxSpeed="{top_speed:.17g}" speedFactor="{IGNORE_SPEED_LIMIT}" speedDev="0"'
+        # Without these a car on the right brakes for a slower one on its left.
+        ' lcOvertakeRight="1" lcKeepRight="0"/>'
+    )
+
+
+def _vehicle(name: str, front: float, lane: int, speed: float) -> str:
+    """Return the <vehicle> that starts with its front bumper at `front` (m), at `speed` (m/s)."""
+    # insertionChecks works here only: not on the vType, and not through vehicle.add.
+    return (
+        f'<vehicle id="{name}" type="{name}" route="road" depart="0" departPos="{front:.17g}" departLane="{lane}"'
+        f' departSpeed="{speed:.17g}" insertionChecks="none"/>'
+    )

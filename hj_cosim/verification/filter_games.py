@@ -1,0 +1,205 @@
+"""Simulates a robot under safety-preserving control among other cars, many times: the jitted part of the guarantee.
+
+Jitted, because a rollout is 500 look-ups with gradient and as many problems; the problem is solved by enumeration,
+which is exact (`enumeration.least_cost_control`).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hj_cosim.control.problem.enumeration import least_cost_control
+from hj_cosim.control.problem.safety_problem import available_controls
+from hj_cosim.control.spc.escape import Extent, is_to_be_looked_at, keep_escape
+from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres
+from hj_cosim.reachability.games.highway.rows import Disturbance, recovery_rate, worst_drift
+from hj_cosim.reachability.table.lookup import TableArrays, shift_of_grid, value_and_gradient_at
+from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
+from hj_cosim.vehicles.idm import idm_acceleration
+
+RANDOM_HOLD = 25  # steps for which a random desire lasts
+CRUISE, RANDOM, COLLIDE = 0, 1, 2  # desires
+
+
+class Game(NamedTuple):
+    """What stays the same over all rollouts, as the kernel takes it."""
+
+    table: TableArrays
+    limits: np.ndarray  # (4,) lower and upper ω, lower and upper a
+    bounds: np.ndarray  # (4,) lower and upper θ, lower and upper v
+    other_speed_max: float
+    weights: np.ndarray  # (3,) λ
+    slack_is_free: bool
+    epsilon: float
+    recovery: float
+    step: float
+    other: Disturbance
+    extent: Extent
+    manoeuvres: Manoeuvres  # that one is to remain of, or NO_MANOEUVRES
+    driver: np.ndarray  # (6,) IDM parameters
+    k_theta: float
+    wheelbase: float
+    length: float
+    width: float
+
+
+@njit(cache=True)
+def _worst_inputs(gradient: np.ndarray, speed: float, other: Disturbance) -> tuple[float, float]:
+    """Return (θ_o, a_o) that lower V most."""
+    heading = math.atan2(gradient[1], gradient[0])
+    acceleration = other.acceleration_min if gradient[4] > 0.0 else other.acceleration_max
+    return min(max(heading, -other.heading_max), other.heading_max), acceleration
+
+
+@njit(cache=True)
+def _gradient_within(game: Game, state: np.ndarray, gradient: np.ndarray) -> float:
+    """Return V, and write ∇V; beyond the table V is +inf, and the gradient that of the nearest place on its edge."""
+    table = game.table
+    low, cells = table.lower, table.deficit.shape
+    rear = low[0] + shift_of_grid(table, state[3], state[4])
+    x = min(max(state[0], rear), rear + (cells[0] - 1) / table.inverse_spacing[0])
+    y = min(max(state[1], low[1]), low[1] + (cells[1] - 1) / table.inverse_spacing[1])
+    value = value_and_gradient_at(table, x, y, state[2], state[3], state[4], gradient)
+    return value if x == state[0] and y == state[1] else math.inf
+
+
+@njit(cache=True)
+def _game_step(robot: np.ndarray, omega: float, acceleration: float, speed_max: float, step: float) -> None:
+    """Move the robot as the game's unicycle does, in place; Simpson's rule along the turn is exact to step⁵."""
+    speed, heading = robot[3], robot[2]
+    end = min(max(speed + acceleration * step, 0.0), speed_max)
+    middle, middle_heading, end_heading = 0.5 * (speed + end), heading + 0.5 * omega * step, heading + omega * step
+    robot[0] += (
+        step / 6.0 * (speed * math.cos(heading) + 4.0 * middle * math.cos(middle_heading) + end * math.cos(end_heading))
+    )
+    robot[1] += (
+        step / 6.0 * (speed * math.sin(heading) + 4.0 * middle * math.sin(middle_heading) + end * math.sin(end_heading))
+    )
+    robot[2], robot[3] = end_heading, end
+
+
+@njit(cache=True)
+def _desired_control(
+    game: Game, desire: int, sample: int, heading: float, slope: np.ndarray, random: np.ndarray
+) -> tuple[float, float]:
+    """Return (ω, a) that the filter is asked for; `slope` is (∂V/∂θ, ∂V/∂v) of the least V."""
+    limits = game.limits
+    if desire == CRUISE:
+        return min(max(-game.k_theta * heading, limits[0]), limits[1]), 0.0
+    if desire == RANDOM:
+        return random[sample // RANDOM_HOLD, 0], random[sample // RANDOM_HOLD, 1]
+    return (limits[0] if slope[0] > 0.0 else limits[1]), (limits[2] if slope[1] > 0.0 else limits[3])
+
+
+@njit(cache=True, nogil=True)
+def _roll_out(
+    game: Game,
+    desire: int,
+    bicycle: bool,
+    adversarial: bool,
+    robot: np.ndarray,
+    others: np.ndarray,
+    random: np.ndarray,
+    states: np.ndarray,
+    values: np.ndarray,
+    slack: np.ndarray,
+) -> None:
+    """Simulate one rollout.
+
+    Args:
+        game: what does not change.
+        desire, bicycle, adversarial: of RolloutSettings.
+        robot: (4,) p_x, p_y, θ, v; overwritten.
+        others: (cars, 3) x, y, v_o; overwritten.
+        random: (holds, 2) random desires (ω, a), each held for RANDOM_HOLD steps.
+        states: (samples + 1, cars, 5) float32, written: relative states.
+        values: (samples + 1, cars) float32, written: V.
+        slack: (samples,) float32, written: t of the control; NaN where K is empty.
+    """
+    cars, samples = others.shape[0], slack.shape[0]
+    gradients = np.empty((cars, 5))
+    p, q, c = np.empty(cars), np.empty(cars), np.empty(cars)
+    looked_at, in_k = np.empty(cars, np.int64), np.empty(cars, np.bool_)
+    relative, steepest = np.empty(5), np.zeros(2)
+    cruising = others[:, 2].copy()
+    previous_omega = 0.0
+    for sample in range(samples + 1):
+        count, near, least = 0, 0, math.inf
+        for j in range(cars):
+            relative[0], relative[1] = robot[0] - others[j, 0], robot[1] - others[j, 1]
+            relative[2], relative[3], relative[4] = robot[2], robot[3], others[j, 2]
+            value = _gradient_within(game, relative, gradients[j])
+            states[sample, j] = relative
+            values[sample, j] = value
+            if j == 0 or value < least:
+                least = value
+                steepest[0], steepest[1] = gradients[j, 2], gradients[j, 3]
+            in_k[j] = value <= game.epsilon
+            if is_to_be_looked_at(game.extent, value, relative[0], relative[1], relative[3], relative[4]):
+                looked_at[near] = j
+                near += 1
+            if in_k[j]:
+                p[count], q[count] = gradients[j, 2], gradients[j, 3]
+                c[count] = worst_drift(gradients[j], robot[2], robot[3], others[j, 2], game.other)
+                c[count] -= recovery_rate(value, game.epsilon, game.recovery)
+                count += 1
+        if sample == samples:
+            break
+        omega, acceleration = _desired_control(game, desire, sample, robot[2], steepest, random)
+        box = available_controls(game.limits, robot[2], robot[3], game.bounds, game.step)
+        slack[sample] = np.nan
+        if count > 0:
+            wanted = previous_omega if game.slack_is_free else omega
+            omega, acceleration, slack[sample] = least_cost_control(
+                p[:count], q[:count], c[:count], wanted, acceleration, game.weights, game.slack_is_free, box
+            )
+        if near > 0 and len(game.manoeuvres.heading) > 0:
+            among = looked_at[:near]
+            omega, acceleration, _ = keep_escape(
+                game.manoeuvres, robot, others[among], in_k[among], omega, acceleration, game.step
+            )
+            omega = min(max(omega, box[0]), box[1])
+            acceleration = min(max(acceleration, box[2]), box[3])
+        previous_omega = omega
+        for j in range(cars):
+            if adversarial:
+                heading, other_acceleration = _worst_inputs(gradients[j], others[j, 2], game.other)
+            else:
+                ahead = robot[0] - others[j, 0]
+                in_lane = ahead > 0.0 and abs(robot[1] - others[j, 1]) < game.width
+                gap = ahead - game.length if in_lane else math.inf
+                game.driver[0] = max(cruising[j], 1.0)  # IDM's desired speed: its own at the start
+                heading = 0.0
+                other_acceleration = max(
+                    idm_acceleration(others[j, 2], gap, robot[3], game.driver), game.other.acceleration_min
+                )
+            end = min(max(others[j, 2] + other_acceleration * game.step, 0.0), game.other_speed_max)
+            driven = 0.5 * (others[j, 2] + end) * game.step
+            others[j, 0] += driven * math.cos(heading)
+            others[j, 1] += driven * math.sin(heading)
+            others[j, 2] = end
+        if bicycle:
+            steering = steering_for(omega, robot[3], game.wheelbase)
+            robot[:] = bicycle_step(robot, steering, acceleration, game.wheelbase, game.bounds[3], game.step)
+        else:
+            _game_step(robot, omega, acceleration, game.bounds[3], game.step)
+
+
+@njit(cache=True, nogil=True)
+def roll_out_all(
+    game: Game,
+    desire: int,
+    bicycle: bool,
+    adversarial: bool,
+    robots: np.ndarray,
+    others: np.ndarray,
+    random: np.ndarray,
+    states: np.ndarray,
+    values: np.ndarray,
+    slack: np.ndarray,
+) -> None:
+    """Simulate n rollouts; every array has n rows of what _roll_out takes."""
+    for i in range(len(robots)):
+        _roll_out(game, desire, bicycle, adversarial, robots[i], others[i], random[i], states[i], values[i], slack[i])

@@ -1,0 +1,47 @@
+"""Checks at every step of an episode whether the filter kept its promise, so that a broken one cannot hide."""
+
+from typing import Any
+
+from hj_cosim.control.safety_filter import FilterResult
+from hj_cosim.reachability.table.lookup import TableArrays
+from hj_cosim.scene.observation import Observation
+from hj_cosim.verification.promise import promise_kept
+
+# m/s that a V in K may fall: the gradient changes within a step and from cell to cell of the table.
+TOLERANCE = 0.5
+
+
+class PromiseAudit:
+    """Counts the steps over which SPC promised that no V in K falls, and those over which none fell.
+
+    Args:
+        table: V.
+        promises: whether the filter promises anything about V at all: SPC does, RSS and none do not.
+        tolerance: m/s.
+    """
+
+    def __init__(self, table: TableArrays, *, promises: bool, tolerance: float = TOLERANCE) -> None:
+        self._table = table
+        self._promises = promises
+        self._tolerance = tolerance
+        self._promised = 0
+        self._kept = 0
+
+    def judge(self, result: FilterResult, before: Observation, after: Observation) -> None:
+        """Take one step into account.
+
+        Args:
+            result: the filter's, for the observation `before`.
+            before, after: the instants at which the control was chosen and at which it had been applied.
+        """
+        if not self._promises:
+            return
+        kept = promise_kept(self._table, result, before, after, self._tolerance)
+        if kept is not None:
+            self._promised += 1
+            self._kept += kept
+
+    def summary(self) -> dict[str, Any]:
+        """Return what goes into summary.json; where nothing was promised, nothing was broken."""
+        percent = 100.0 * self._kept / self._promised if self._promised else 100.0
+        return {"promise_kept_percent": percent, "promise_samples": self._promised}

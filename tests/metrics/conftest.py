@@ -1,0 +1,3 @@
+"""Synthetic runs to measure."""
+
+from synthetic_runs import config, make_hostile_run, make_record, record, table  # noqa: F401

@@ -1,0 +1,74 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hj_cosim.metrics.summary import count_lane_changes, count_onsets, summarize
+from hj_cosim.recording.run_folder import summary_text
+
+KEYS = [
+    "planner",
+    "filter",
+    "scheme",
+    "seed",
+    "scenario",
+    "duration",
+    "samples",
+    "ttc_ge_3",
+    "ttc_p10",
+    "ttc_p1",
+    "btn_le_1",
+    "btn_p90",
+    "stn_le_1",
+    "stn_p90",
+    "mean_speed",
+    "mean_abs_acceleration",
+    "intervention_percent",
+    "collisions",
+    "min_gap",
+    "distance",
+    "lane_changes",
+    "wall_seconds",
+    "real_time_factor",
+]
+
+
+def test_the_summary_has_the_keys_of_the_specification_in_order(record, config):
+    assert list(summarize(record, config, 0.5))[: len(KEYS)] == KEYS
+
+
+def test_the_summary_says_what_the_record_holds(record, config):
+    summary = summarize(record, config, 0.5)
+
+    assert (summary["planner"], summary["filter"], summary["scheme"], summary["seed"]) == ("hjop", "spc", "mi", 7)
+    assert summary["duration"] == 4.0
+    assert summary["real_time_factor"] == 8.0
+    assert summary["samples"] == 200
+    assert summary["ttc_ge_3"] == np.count_nonzero(record.threats.ttc >= 3.0) / 200
+    assert summary["ttc_p10"] == sorted(record.threats.ttc)[19]
+    assert summary["btn_p90"] == sorted(record.threats.btn)[180]
+    assert summary["mean_speed"] == pytest.approx(record.robot.speed.mean())
+    assert summary["distance"] == pytest.approx(24.0 * 199 * 0.02, rel=1e-3)
+    assert summary["intervention_percent"] == pytest.approx(100 * np.mean(record.robot.value < 2.0))
+
+
+def test_infinite_values_are_written_as_null(record, config):
+    free = replace(record, threats=replace(record.threats, ttc=np.full(200, np.inf)))
+    summary = summarize(free, config, 1.0)
+    assert summary["ttc_p10"] == np.inf
+    assert json.loads(summary_text(summary))["ttc_p10"] is None
+
+
+def test_stretches_are_counted_once_each():
+    assert count_onsets(np.array([True, True, False, True, False, False, True])) == 3
+    assert count_onsets(np.zeros(4, bool)) == 0
+
+
+def test_wavering_at_a_line_is_no_lane_change_but_arriving_is():
+    wavering = 2.0 + 0.5 * np.sin(np.linspace(0, 50, 500))
+    crossing = np.linspace(0.0, 8.0, 200)
+    there_and_back = np.concatenate([np.linspace(0.0, 2.5, 50), np.linspace(2.5, 0.0, 50)])
+    assert count_lane_changes(wavering, 4.0) == 0
+    assert count_lane_changes(crossing, 4.0) == 2
+    assert count_lane_changes(there_and_back, 4.0) == 0
