@@ -16,7 +16,14 @@ import numpy as np
 
 from hj_cosim.control.problem.safety_problem import SafetyRows, SafetySolver, available_controls, least_slack
 from hj_cosim.control.rss.rss_rows import NEVER_SEEN, Response, rss_rows
-from hj_cosim.control.spc.escape import ESCAPING, NO_ESCAPE, Extent, keep_escape_in_traffic, manoeuvres_for
+from hj_cosim.control.spc.escape import (
+    NO_ESCAPE,
+    NO_MANOEUVRE,
+    PASSED,
+    Extent,
+    keep_escape_in_traffic,
+    manoeuvres_for,
+)
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
 from hj_cosim.reachability.games.highway.rows import Disturbance, hji_rows
 from hj_cosim.reachability.table.table import ValueTable
@@ -27,8 +34,8 @@ NOBODY = -1
 # What filters count, beside the backends that failed.
 NOT_JUDGED = "could not judge"
 DESIRED_NOT_FINITE = "desired not finite"
-ESCAPED = "escaped"  # the control gave way to a manoeuvre
-HAD_NO_ESCAPE = "had no escape"
+ESCAPED = "escaped"  # the control gave way to a manoeuvre that escapes
+HAD_NO_ESCAPE = "had no escape"  # it gave way to the manoeuvre that guarantees most, for none escapes
 # A row is met, and rows can be met together, when the slack is below this (m/s for the HJI, m/s² for RSS).
 SLACK_TOLERANCE = 1e-6
 # s, in which a robot that cannot judge turns to the road's direction.
@@ -52,7 +59,7 @@ class FilterResult:
     rows: SafetyRows
     available: np.ndarray  # (4,) lower and upper ω, lower and upper a that the rows were to be met within
     backend: str  # what solved the problem; empty without rows or when the filter could not judge
-    escaping: bool = False  # the control is a manoeuvre's, because the problem's would have left no escape
+    escaping: bool = False  # the control is a manoeuvre's, because the problem's is not known to leave an escape
 
     @property
     def meetable(self) -> bool:
@@ -194,9 +201,12 @@ class _Intervening(_Door, ABC):
             return self._unjudged(observation)
         wanted = self._wanted(observation, desired)
         rows, constraints = found
+        box = self._available(observation.robot)
         if constraints == 0:
-            return self._escaping(observation, sight, self._unfiltered(wanted, sight))
-        result = self._solve(rows, constraints, wanted, self._available(observation.robot), sight)
+            control = Control(min(max(wanted.omega, box[0]), box[1]), min(max(wanted.acceleration, box[2]), box[3]))
+            result = replace(self._unfiltered(wanted, sight), control=control, available=box)
+            return self._escaping(observation, sight, result)
+        result = self._solve(rows, constraints, wanted, box, sight)
         return self._escaping(observation, sight, result)
 
     def _escaping(self, observation: Observation, sight: _Sight, result: FilterResult) -> FilterResult:
@@ -241,19 +251,32 @@ class SafetyPreservingFilter(_Intervening):
 
     def __init__(self, settings: FilterSettings, robot: RobotSettings, table: ValueTable, step: float) -> None:
         super().__init__(settings, robot, table)
-        self._bounds = np.array([table.grid.lower[2], table.grid.upper[2], 0.0, robot.speed_max])
+        # What the bicycle turns in a step at a changing speed differs from ω step, by less than the largest of these.
+        turn = robot.omega_max * step
+        self._bounds = np.array([table.grid.lower[2] + turn, table.grid.upper[2] - turn, 0.0, robot.speed_max])
         self._step = step
         self._recovery = settings.recovery
         self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
         self._extent = Extent.of(table)
+        self._driven = NO_MANOEUVRE
         if settings.keep_escape:
             # Compiled here, not in the first step of a drive: Ctrl-C while Numba compiles may be lost.
             nobody = np.empty(0)
             keep_escape_in_traffic(
-                self._manoeuvres, self._extent, np.zeros(4), nobody, nobody, nobody, nobody, 0.0, 0.0, 0.0, step
+                self._manoeuvres,
+                self._extent,
+                np.zeros(4),
+                nobody,
+                nobody,
+                nobody,
+                nobody,
+                0.0,
+                0.0,
+                0.0,
+                step,
+                NO_MANOEUVRE,
             )
         # Within these, no control leads beyond the bounds in one step, and the limits themselves are available.
-        turn = robot.omega_max * step
         self._free_heading = (self._bounds[0] + turn, self._bounds[1] - turn)
         self._free_speed = (-robot.acceleration_min * step, robot.speed_max - robot.acceleration_max * step)
 
@@ -280,7 +303,7 @@ class SafetyPreservingFilter(_Intervening):
         if len(self._manoeuvres.heading) == 0:
             return result
         robot, asked = observation.robot, result.control
-        omega, acceleration, verdict = keep_escape_in_traffic(
+        omega, acceleration, verdict, self._driven = keep_escape_in_traffic(
             self._manoeuvres,
             self._extent,
             robot,
@@ -292,12 +315,11 @@ class SafetyPreservingFilter(_Intervening):
             asked.omega,
             asked.acceleration,
             self._step,
+            self._driven,
         )
-        if verdict == NO_ESCAPE:
-            self.counts[HAD_NO_ESCAPE] += 1
-        if verdict != ESCAPING:
+        if verdict == PASSED:
             return result
-        self.counts[ESCAPED] += 1
+        self.counts[HAD_NO_ESCAPE if verdict == NO_ESCAPE else ESCAPED] += 1
         box = self._available(robot)
         control = Control(min(max(omega, box[0]), box[1]), min(max(acceleration, box[2]), box[3]))
         slack = max(-float(result.rows.margins(control.omega, control.acceleration).min(initial=0.0)), 0.0)

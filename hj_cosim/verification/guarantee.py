@@ -113,7 +113,7 @@ def measure_guarantee(
     """
     filter_settings = filter_settings or FilterSettings()
     robot = robot or RobotSettings()
-    game = _game_of(table, settings, filter_settings, robot)
+    game = game_of(table, settings, filter_settings, robot)
     generator = np.random.default_rng(settings.seed)
     robots, others = _starts(table, game, settings, generator)
     holds = math.ceil(settings.duration / settings.step / RANDOM_HOLD)
@@ -136,13 +136,18 @@ def measure_guarantee(
     return _report(settings, filter_settings.epsilon, int((~escapes).sum()), parts)
 
 
-def _game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, robot: RobotSettings) -> Game:
+def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, robot: RobotSettings) -> Game:
+    """Return what stays the same over all rollouts, as the kernels take it.
+
+    Raises:
+        TableError: if the table is not of the highway game.
+    """
     weights = SafetyWeights.of(spc, robot)
-    grid = table.grid
+    grid, turn = table.grid, robot.omega_max * settings.step  # as SPC keeps away from the table's last heading
     return Game(
         table=table.arrays,
         limits=np.array([-robot.omega_max, robot.omega_max, robot.acceleration_min, robot.acceleration_max]),
-        bounds=np.array([grid.lower[2], grid.upper[2], 0.0, min(robot.speed_max, grid.upper[3])]),
+        bounds=np.array([grid.lower[2] + turn, grid.upper[2] - turn, 0.0, min(robot.speed_max, grid.upper[3])]),
         other_speed_max=float(grid.upper[4]),
         weights=np.array([weights.omega, weights.acceleration, weights.slack]),
         slack_is_free=weights.slack_is_free,

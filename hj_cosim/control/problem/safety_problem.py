@@ -159,7 +159,8 @@ def available_controls(limits: np.ndarray, heading: float, speed: float, bounds:
     """Return the controls that keep heading and speed within bounds for one step; the game's own state limits.
 
     At a bound of the value table the input that would cross it is not available, in the game as here: beyond, the
-    table does not know what it promises. What leads back is always available.
+    table does not know what it promises. A heading that is beyond is led back, as fast as the limits allow if it takes
+    longer than a step.
 
     Args:
         limits: (4,) lower and upper ω, lower and upper a.
@@ -172,8 +173,8 @@ def available_controls(limits: np.ndarray, heading: float, speed: float, bounds:
     """
     return np.array(
         [
-            max(limits[0], min((bounds[0] - heading) / step, 0.0)),
-            min(limits[1], max((bounds[1] - heading) / step, 0.0)),
+            min(max(limits[0], (bounds[0] - heading) / step), limits[1]),
+            max(min(limits[1], (bounds[1] - heading) / step), limits[0]),
             max(limits[2], min((bounds[2] - speed) / step, 0.0)),
             min(limits[3], max((bounds[3] - speed) / step, 0.0)),
         ]

@@ -28,7 +28,7 @@ from hj_cosim.reachability.table.table_file import TableFile, open_table_file
 from hj_cosim.settings import TableSpecification, read_toml, validate
 
 # Part of every specification's hash: raised when the solver changes what it computes, so that tables are re-solved.
-_SOLVER_VERSION = 3
+_SOLVER_VERSION = 4
 
 
 @dataclass(frozen=True)
