@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.markup import escape
 
+from hj_cosim.cli.check import check
 from hj_cosim.cli.console import (
     WarningCount,
     bar,
@@ -43,6 +44,7 @@ app = typer.Typer(
 )
 table_app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", help="Solve, list, show and check value tables.")
 app.add_typer(table_app, name="table")
+app.command(epilog=_example("hj-cosim check highway --adversary search --games 200 --seed 1"))(check)
 
 Scenario = Annotated[str, typer.Argument(help="A name in sumo_net/ or a path to a scenario TOML.")]
 Specification = Annotated[str, typer.Argument(help="A name in value_tables/ or a path to a specification TOML.")]

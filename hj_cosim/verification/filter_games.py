@@ -200,9 +200,9 @@ def _roll_out(
                     idm_acceleration(others[j, 2], gap, robot[3], game.driver), game.other.acceleration_min
                 )
             end = min(max(others[j, 2] + other_acceleration * game.step, 0.0), game.other_speed_max)
-            driven = 0.5 * (others[j, 2] + end) * game.step
-            others[j, 0] += driven * math.cos(heading)
-            others[j, 1] += driven * math.sin(heading)
+            way = 0.5 * (others[j, 2] + end) * game.step
+            others[j, 0] += way * math.cos(heading)
+            others[j, 1] += way * math.sin(heading)
             others[j, 2] = end
         if bicycle:
             steering = steering_for(omega, robot[3], game.wheelbase)

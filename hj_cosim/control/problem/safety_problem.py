@@ -21,6 +21,7 @@ from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.settings import FilterSettings, RobotSettings
 
+_NARROWEST = 1e-3  # rad/s, m/s²; half a box that leaves no choice has to be scaled by something
 TIE_WEIGHT = 1e-6  # of λ_1, λ_2 after scaling by ω̄ and ā
 # An answer is refused when it misses a row or the box by more than this (in a row's units, relative to the slack).
 FEASIBILITY_TOLERANCE = 1e-4
@@ -105,7 +106,7 @@ def least_slack(rows: SafetyRows, box: np.ndarray) -> float:
         rows: K half-planes.
         box: (4,) lower and upper ω, lower and upper a.
     """
-    half = np.array([0.5 * (box[1] - box[0]), 0.5 * (box[3] - box[2])])
+    half = np.maximum([0.5 * (box[1] - box[0]), 0.5 * (box[3] - box[2])], _NARROWEST)
     weights = np.array([half[0] ** -2, half[1] ** -2, 1e12])
     middle = (0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]))
     return least_cost_control(rows.p, rows.q, rows.c, middle[0], middle[1], weights, False, box)[2]

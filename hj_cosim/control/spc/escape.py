@@ -36,7 +36,7 @@ from hj_cosim.settings import RobotSettings
 
 # m of V. What must be left after the control; covers by how much less is guaranteed where the instants looked at lie
 # otherwise, so that the manoeuvre that was seen to remain does so in the next step.
-RESERVE = 0.1
+RESERVE = 0.2
 # m of V. Cars with more are not looked at: so far above the bound no table is between its nodes.
 HIGHEST = 10.0
 PASSED, ESCAPING, NO_ESCAPE = 0, 1, 2  # verdicts
@@ -92,9 +92,7 @@ def is_to_be_looked_at(extent: Extent, value: float, p_x: float, p_y: float, v_r
 
 
 @njit(cache=True)
-def _escapes_from_one(
-    manoeuvres: Manoeuvres, start: Start, paths: Paths, robot: np.ndarray, other: np.ndarray
-) -> bool:
+def _escapes_from_one(manoeuvres: Manoeuvres, start: Start, paths: Paths, robot: np.ndarray, other: np.ndarray) -> bool:
     """Return whether a manoeuvre keeps more than the reserve from one car by itself, (3,) p_x, p_y, v."""
     reach = other_at(manoeuvres.game, other[2])
     p_x, p_y = robot[0] - other[0], robot[1] - other[1]

@@ -2,15 +2,16 @@
 
 A manoeuvre turns the robot to a heading and keeps it, at one acceleration; whatever the other car does meanwhile, the
 robot's path is known (`paths`). So the worst that the other car can do is known, too, at every instant by itself: for
-the gap along the road it accelerates or brakes as hard as it may, for the gap across it also steers towards the robot.
+the gap along the road it accelerates as hard as it may, or brakes and weaves, which takes a little of its way; for the
+gap across it also steers towards the robot.
 The least of max(gap along, gap across) over the manoeuvre is what the manoeuvre guarantees, and the best manoeuvre's
 guarantee is a lower bound of the game's value: the robot may do better, for it sees what the other car does.
 
 Three things make the bound lower still, and none higher: the other car is granted the worst for both gaps at once, the
 robot has to stay on one side, and bodies count as turned by the robot's heading, which V(0, ·) leaves out. Between two
-instants both gaps count as straight lines, lowered by what they may bend below them (`paths`). Below −length, where
-the bodies are beside each other, the gap along the road is not told apart any further. After the last instant nothing
-is looked at.
+instants both gaps count as straight lines, lowered by what they may bend below them (`paths`). Only how far below
+−length it is, where one car passes through the other within a step, may be missed. After the last instant nothing is
+looked at.
 
 A grid is wrong by metres where V comes from a corner of V(0, ·), and to the unsafe side; the bound is not. It
 costs a simulation for every manoeuvre, so that it serves to cap a table at its nodes (`manoeuvre_cap`) and to judge a
@@ -33,6 +34,7 @@ from hj_cosim.reachability.games.highway.paths import (
     BEND_LEFT,
     BEND_RIGHT,
     COLUMNS,
+    DURATION,
     LEFT,
     MOST_INSTANTS,
     RIGHT,
@@ -63,7 +65,7 @@ class Manoeuvres(NamedTuple):
 
 # For who keeps no escape.
 NO_MANOEUVRES = Manoeuvres(
-    np.empty(0), np.empty(0), Game(*(0.0,) * 6, TargetFormula(*(0.0,) * len(TargetFormula._fields)))
+    np.empty(0), np.empty(0), Game(*(0.0,) * 8, TargetFormula(*(0.0,) * len(TargetFormula._fields)))
 )
 
 
@@ -84,6 +86,8 @@ def manoeuvres_of(parameters: Mapping[str, float], grid: Grid) -> Manoeuvres:
         game=Game(
             omega_max=parameters["omega_max"],
             speed_max=grid.upper[3],
+            duration=DURATION,
+            other_forward=math.cos(parameters["other_heading_max"]),
             other_sideways=math.sin(parameters["other_heading_max"]),
             other_acceleration_min=parameters["other_acceleration_min"],
             other_acceleration_max=parameters["other_acceleration_max"],
@@ -166,63 +170,91 @@ def other_at(game: Game, speed: float) -> Other:
     return Other(speed, until_stop, (game.other_speed_max - speed) / gain if gain > 0.0 else math.inf)
 
 
+class Gaps(NamedTuple):
+    """Between the robot and wherever the other car may be at an instant, each at its worst, m."""
+
+    ahead: float  # along the road, of a robot that is ahead of the other car
+    behind: float  # of one that is behind it
+    beside: float  # of one that may be either
+    place: int  # 1 ahead, −1 behind, 0 beside
+    left: float  # across the road, of a robot that stays on the left of the other car
+    right: float
+
+
 @njit(cache=True)
-def _gaps(
-    game: Game, other: Other, time: float, x: float, y: float, as_rear: float, as_front: float
-) -> tuple[float, float, float, float]:
-    """Return the gaps along the road at their worst, m, of a robot that is ahead of the other car, and behind it; and
-    how far it is to the left and to the right of where the other car may be, m."""
+def _gaps(game: Game, other: Other, time: float, p_x: float, p_y: float, robot: np.ndarray) -> Gaps:
+    """Return the gaps at an instant; p_x, p_y are robot − other at the beginning, m, and `robot` is of a path."""
     target = game.target
     gaining, braking = min(time, other.until_top), min(time, other.until_stop)
     fastest = other.speed + game.other_acceleration_max * gaining
     slowest = other.speed + game.other_acceleration_min * braking
     most = 0.5 * (other.speed + fastest) * gaining + fastest * (time - gaining)
-    least = 0.5 * (other.speed + slowest) * braking + slowest * (time - braking)
-    from_behind = target.rear_0 + fastest * (target.rear_1 + fastest * target.rear_2) - as_front
-    to_the_front = as_rear - target.front_2 * slowest * slowest
-    ahead = x - most - target.length - max(from_behind, 0.0)
-    behind = least - x - target.length - max(to_the_front, 0.0)
-    sideways = game.other_sideways * most
-    return ahead, behind, y - sideways, -y - sideways
+    least = game.other_forward * (0.5 * (other.speed + slowest) * braking + slowest * (time - braking))
+    from_behind = max(target.rear_0 + fastest * (target.rear_1 + fastest * target.rear_2) - robot[AS_FRONT], 0.0)
+    to_the_front = max(robot[AS_REAR] - target.front_2 * slowest * slowest, 0.0)
+    x, y, sideways = p_x + robot[X], p_y + robot[Y], game.other_sideways * most
+    return Gaps(
+        ahead=x - most - target.length - from_behind,
+        behind=least - x - target.length - to_the_front,
+        beside=-target.length - max(from_behind, to_the_front),
+        place=1 if x > most else (-1 if x < least else 0),
+        left=y - sideways - robot[LEFT],
+        right=-y - sideways - robot[RIGHT],
+    )
 
 
 @njit(cache=True)
-def _between(before: np.ndarray, after: np.ndarray, column: int, share: float) -> float:
-    return before[column] + share * (after[column] - before[column])
+def _lowered(gaps: Gaps, bends: np.ndarray, ahead: float) -> Gaps:
+    """Return gaps less what they may bend below straight lines in a step, `bends` of a path's row and `ahead`, m."""
+    return Gaps(
+        gaps.ahead - ahead,
+        gaps.behind - bends[BEND_BEHIND],
+        gaps.beside - max(ahead, bends[BEND_BEHIND]),
+        gaps.place,
+        gaps.left - bends[BEND_LEFT],
+        gaps.right - bends[BEND_RIGHT],
+    )
 
 
 @njit(cache=True)
-def _least_on_a_side(
-    length: float,
-    ahead: tuple[float, float],
-    behind: tuple[float, float],
-    across: tuple[float, float],
-    known: float,
-) -> float:
-    """Return the least of max(ahead, behind, 4 across³) from one instant to the next, or `known` if that is less.
+def _along(before: Gaps, after: Gaps) -> tuple[float, float]:
+    """Return the gap along the road at both ends of a step, of the place where the robot is at one of them at least.
 
-    Of ahead and behind one is at most −length. Where it is not the same all the way, either alone gives a lower bound.
+    What is said of another place than its own is too low as soon as the robot has left its own.
     """
-    nearest = min(across[0], across[1])
-    if (
-        min(ahead[0], ahead[1]) >= known
-        or min(behind[0], behind[1]) >= known
-        or 4.0 * nearest * nearest * nearest >= known
-    ):
-        return known
-    is_ahead, is_behind = max(ahead[0], ahead[1]) > -length, max(behind[0], behind[1]) > -length
-    least = -math.inf
-    if is_ahead or not is_behind:
-        least = least_between(ahead[0], across[0], ahead[1], across[1])
-    if is_behind or not is_ahead:
-        least = max(least, least_between(behind[0], across[0], behind[1], across[1]))
-    return min(known, least)
+    if before.place == 0 and after.place == 0:
+        return before.beside, after.beside
+    if before.place + after.place >= 0:
+        return before.ahead, after.ahead
+    return before.behind, after.behind
 
 
 @njit(cache=True)
-def guaranteed(
-    game: Game, path: np.ndarray, first: int, other: Other, p_x: float, p_y: float, floor: float
-) -> float:
+def _least_of_step(along: tuple[float, float], across: tuple[float, float], known: float) -> float:
+    """Return the least of max(along, 4 across³) in a step, or `known` if that is less."""
+    nearest = min(across[0], across[1])
+    if min(along[0], along[1]) >= known or 4.0 * nearest * nearest * nearest >= known:
+        return known
+    return min(known, least_between(along[0], across[0], along[1], across[1]))
+
+
+@njit(cache=True)
+def _worst_of_step(
+    before: Gaps, after: Gaps, bends: np.ndarray, ahead: float, left: float, right: float
+) -> tuple[float, float]:
+    """Return the least of either side so far, `left` and `right`, m, with a step that ends at a row of a path."""
+    low_before, low_after = _lowered(before, bends, ahead), _lowered(after, bends, ahead)
+    along = _along(low_before, low_after)
+    left = _least_of_step(along, (low_before.left, low_after.left), left)
+    right = _least_of_step(along, (low_before.right, low_after.right), right)
+    if after.place == 0:
+        left = min(left, max(after.beside, 4.0 * after.left**3))
+        right = min(right, max(after.beside, 4.0 * after.right**3))
+    return left, right
+
+
+@njit(cache=True)
+def guaranteed(game: Game, path: np.ndarray, first: int, other: Other, p_x: float, p_y: float, floor: float) -> float:
     """Return what a path guarantees against one other car, m: the least of V(0, ·), bodies turned, that it can force.
 
     Args:
@@ -233,52 +265,29 @@ def guaranteed(
         p_x, p_y: m, robot − other, at the beginning.
         floor: m; once nothing above it is possible, the search is given up and what was found so far is returned.
     """
-    length, row = game.target.length, path[first]
-    ahead_0, behind_0, left_0, right_0 = _gaps(
-        game, other, row[TIME], p_x + row[X], p_y + row[Y], row[AS_REAR], row[AS_FRONT]
-    )
-    left_0, right_0 = left_0 - row[LEFT], right_0 - row[RIGHT]
-    along = max(ahead_0, behind_0)
-    left, right = max(along, 4.0 * left_0**3), max(along, 4.0 * right_0**3)
+    before = _gaps(game, other, path[first, TIME], p_x, p_y, path[first])
+    along, _ = _along(before, before)
+    left, right = max(along, 4.0 * before.left**3), max(along, 4.0 * before.right**3)
     for instant in range(first + 1, len(path)):
-        before, row = path[instant - 1], path[instant]
-        time, bend_ahead, bend_behind = row[TIME], row[BEND_AHEAD], row[BEND_BEHIND]
-        bend_left, bend_right = row[BEND_LEFT], row[BEND_RIGHT]
-        if before[TIME] < other.until_top < time:
-            # There the gap ahead of the other car ceases to shrink as fast: an instant of its own, the robot where it
-            # is at least.
+        last, row = path[instant - 1], path[instant]
+        bend_ahead = row[BEND_AHEAD]
+        if last[TIME] < other.until_top < row[TIME]:
+            # There the gap ahead of the other car ceases to shrink as fast: an instant of its own, the robot's gaps
+            # where they are at least.
             bend_ahead = row[BEND_AHEAD_OF_FASTEST]
-            share = (other.until_top - before[TIME]) / (time - before[TIME])
-            ahead, behind, on_left, on_right = _gaps(
-                game,
-                other,
-                other.until_top,
-                p_x + _between(before, row, X, share),
-                p_y + _between(before, row, Y, share),
-                _between(before, row, AS_REAR, share),
-                _between(before, row, AS_FRONT, share),
+            share = (other.until_top - last[TIME]) / (row[TIME] - last[TIME])
+            between = _lowered(
+                _gaps(game, other, other.until_top, p_x, p_y, last + share * (row - last)), row, bend_ahead
             )
-            ahead, behind = ahead - bend_ahead, behind - bend_behind
-            on_left -= _between(before, row, LEFT, share) + bend_left
-            on_right -= _between(before, row, RIGHT, share) + bend_right
-            aheads = (ahead_0 - bend_ahead, ahead - bend_ahead)
-            behinds = (behind_0 - bend_behind, behind - bend_behind)
-            left = _least_on_a_side(length, aheads, behinds, (left_0 - bend_left, on_left - bend_left), left)
-            right = _least_on_a_side(length, aheads, behinds, (right_0 - bend_right, on_right - bend_right), right)
-            ahead_0, behind_0, left_0, right_0 = ahead, behind, on_left, on_right
-        elif before[TIME] >= other.until_top:
+            left, right = _worst_of_step(before, between, row, bend_ahead, left, right)
+            before = between
+        elif last[TIME] >= other.until_top:
             bend_ahead = row[BEND_AHEAD_OF_FASTEST]
-        ahead, behind, on_left, on_right = _gaps(
-            game, other, time, p_x + row[X], p_y + row[Y], row[AS_REAR], row[AS_FRONT]
-        )
-        on_left, on_right = on_left - row[LEFT], on_right - row[RIGHT]
-        aheads = (ahead_0 - bend_ahead, ahead - bend_ahead)
-        behinds = (behind_0 - bend_behind, behind - bend_behind)
-        left = _least_on_a_side(length, aheads, behinds, (left_0 - bend_left, on_left - bend_left), left)
-        right = _least_on_a_side(length, aheads, behinds, (right_0 - bend_right, on_right - bend_right), right)
+        after = _gaps(game, other, row[TIME], p_x, p_y, row)
+        left, right = _worst_of_step(before, after, row, bend_ahead, left, right)
         if max(left, right) <= floor:
             break
-        ahead_0, behind_0, left_0, right_0 = ahead, behind, on_left, on_right
+        before = after
     return max(left, right)
 
 

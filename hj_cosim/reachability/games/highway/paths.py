@@ -34,6 +34,8 @@ class Game(NamedTuple):
 
     omega_max: float  # rad/s
     speed_max: float  # m/s, of the robot
+    duration: float  # s, of a manoeuvre, up to DURATION
+    other_forward: float  # cos θ̄, the least of its speed that goes along the road
     other_sideways: float  # sin θ̄
     other_acceleration_min: float  # m/s²
     other_acceleration_max: float
@@ -109,9 +111,7 @@ def _lateral_bend(
 
 
 @njit(cache=True)
-def _write_bends(
-    game: Game, before: Motion, after: Motion, omega: float, acceleration: float, row: np.ndarray
-) -> None:
+def _write_bends(game: Game, before: Motion, after: Motion, omega: float, acceleration: float, row: np.ndarray) -> None:
     """Write how far the gaps may bend below straight lines in the step that ends at a row."""
     target, step = game.target, after.time - before.time
     turn = omega * step
@@ -128,9 +128,10 @@ def _write_bends(
     own = acceleration * acceleration
     braking, gaining = game.other_acceleration_min, game.other_acceleration_max
     # Behind: the other car brakes or stands, d_long counts or, while it moves, may be 0.
+    slowing = braking * game.other_forward
     behind = max(
-        braking - along[0],
-        max(braking + 2.0 * target.front_2 * braking * braking, 0.0) - along[0] - 2.0 * target.rear_2 * own,
+        slowing - along[0],
+        max(slowing + 2.0 * target.front_2 * braking * braking, 0.0) - along[0] - 2.0 * target.rear_2 * own,
     )
     ahead = (
         along[1] - gaining + max(2.0 * target.front_2 * own - 2.0 * target.rear_2 * gaining * gaining, 0.0)
@@ -163,9 +164,7 @@ def _moved(at: Motion, omega: float, acceleration: float, step: float) -> Motion
     middle = 0.5 * (at.speed + end)
     if omega == 0.0:
         driven = middle * step
-        return Motion(
-            at.time + step, at.x + driven * at.cos, at.y + driven * at.sin, at.heading, end, at.sin, at.cos
-        )
+        return Motion(at.time + step, at.x + driven * at.cos, at.y + driven * at.sin, at.heading, end, at.sin, at.cos)
     heading, half_way = at.heading + omega * step, at.heading + 0.5 * omega * step
     sin, cos = math.sin(heading), math.cos(heading)
     return Motion(
@@ -196,7 +195,7 @@ def write_path(game: Game, heading: float, acceleration: float, start: Start, pa
     speed = min(max(start.speed, 0.0), game.speed_max)
     at = Motion(0.0, 0.0, 0.0, start.heading, speed, math.sin(start.heading), math.cos(start.heading))
     _write_instant(game.target, at, path[0])
-    count, end = 1, start.held + DURATION
+    count, end = 1, start.held + game.duration
     turning = abs(heading - start.heading - start.omega * start.held) / game.omega_max
     direction = math.copysign(game.omega_max, heading - start.heading - start.omega * start.held)
     while at.time < end - _INSTANT:

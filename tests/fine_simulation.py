@@ -1,7 +1,8 @@
 """What a manoeuvre guarantees in the highway game, simulated in steps of 2 ms: the reference for its bounds.
 
 Written from the game's words alone: at every instant the other car may be anywhere between hardest braking and
-strongest acceleration, along the road, and as far aside as its heading allows; gaps are those of V(0, ·), with bodies
+strongest acceleration, along the road, weaving or not, and as far aside as its heading allows; gaps are those of
+V(0, ·), with bodies
 turned by the robot's heading.
 """
 
@@ -14,7 +15,7 @@ STEP, DURATION = 0.002, 8.0  # s
 def guaranteed_by_simulation(
     parameters: dict[str, float], states: np.ndarray, heading: float, acceleration: float, top: float = 40.0
 ) -> np.ndarray:
-    """Return the least of max(gap along, gap across) of either side, the better one, (N,), m; −length if it is less.
+    """Return the least of max(gap along, gap across) of either side, the better one, (N,), m.
 
     Args:
         parameters: of the highway game, all of them.
@@ -55,11 +56,14 @@ def _simulate(c: np.ndarray, states: np.ndarray, heading: float, acceleration: f
         fast, least, most = slow, 0.0, 0.0
         lowest_left = lowest_right = np.inf
         for _ in range(round(DURATION / STEP) + 1):
-            along = -length
-            if x - most > 0.0:
-                along = max(along, x - most - length - _longitudinal(fast, v, rho, gain, b_min, b_max))
-            if least - x > 0.0:
-                along = max(along, least - x - length - _longitudinal(v, slow, rho, gain, b_min, b_max))
+            from_behind = _longitudinal(fast, v, rho, gain, b_min, b_max)
+            to_the_front = _longitudinal(v, slow, rho, gain, b_min, b_max)
+            if x > most:
+                along = x - most - length - from_behind
+            elif x < least:
+                along = least - x - length - to_the_front
+            else:
+                along = -length - max(from_behind, to_the_front)
             sideways, leftwards = most * np.sin(angle), v * np.sin(theta)
             turned = 0.5 * (width + length * abs(np.sin(theta)) + width * np.cos(theta))
             apart = max(width + _lateral(-leftwards, rho, side_gain, side_brake, margin), turned)
@@ -73,7 +77,7 @@ def _simulate(c: np.ndarray, states: np.ndarray, heading: float, acceleration: f
             y += 0.5 * (v + v_new) * STEP * np.sin(theta + 0.5 * turn)
             theta, v = theta + turn, v_new
             slow_new, fast_new = max(slow + braking * STEP, 0.0), min(fast + gaining * STEP, top)
-            least, most = least + 0.5 * (slow + slow_new) * STEP, most + 0.5 * (fast + fast_new) * STEP
+            least, most = least + 0.5 * (slow + slow_new) * STEP * np.cos(angle), most + 0.5 * (fast + fast_new) * STEP
             slow, fast = slow_new, fast_new
         found[i] = max(lowest_left, lowest_right)
     return found
