@@ -23,6 +23,7 @@ from hj_cosim.verification.adversary_games import (
     CHOSEN,
     CRUISE,
     FULL_THROTTLE,
+    INPUTS,
     STEERING_AT_THE_CAR,
     WITHIN_TRACKING,
     Search,
@@ -121,13 +122,15 @@ def search_adversary(
         generations=settings.generations,
         bicycle=settings.bicycle,
     )
-    seeds = generator.integers(0, 2**31, settings.games)
     found = np.empty((settings.games, 4))  # least V(0, ·), least V, collided, without escape
     chunks = [slice(first, first + _CHUNK) for first in range(0, settings.games, _CHUNK)]
 
     def searched(chunk: slice) -> int:
-        search_games(game, search, starts[chunk], seeds[chunk], found[chunk])
-        return len(seeds[chunk])
+        draws = np.random.default_rng([settings.seed, chunk.start])  # its own, whichever thread plays it
+        count = len(starts[chunk])
+        shape = (count, settings.generations, settings.population, settings.segments, INPUTS)
+        search_games(game, search, starts[chunk], draws.standard_normal(shape), found[chunk])
+        return count
 
     done = 0
     with ThreadPoolExecutor(workers) as threads:

@@ -21,7 +21,7 @@ from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 from hj_cosim.verification.filter_games import Game, bodies_overlap, game_step
 
 CRUISE, FULL_THROTTLE, STEERING_AT_THE_CAR, WITHIN_TRACKING, CHOSEN = 0, 1, 2, 3, 4  # desired controls
-_INPUTS = 4  # θ_o, a_o, and of the desired control what turns and what accelerates
+INPUTS = 4  # θ_o, a_o, and of the desired control what turns and what accelerates
 # The tracker's range: it turns towards a heading within this many rad, and follows a speed this many m/s away.
 _TRACKED_HEADING, _TRACKED_SPEED = 0.3, 4.0
 _K_ACCELERATION = 1.67  # 1/s, K_2 of the tracker
@@ -170,17 +170,16 @@ def roll_out_choices(game: Game, search: Search, start: np.ndarray, choices: np.
 
 
 @njit(cache=True)
-def _search_game(game: Game, search: Search, start: np.ndarray, seed: int, found: np.ndarray) -> None:
-    np.random.seed(seed)
-    shape = (search.segments, _INPUTS)
+def _search_game(game: Game, search: Search, start: np.ndarray, normals: np.ndarray, found: np.ndarray) -> None:
+    shape = (search.segments, INPUTS)
     mean, deviation = np.zeros(shape), np.full(shape, _DEVIATION)
     choices, scores = np.empty((search.population, *shape)), np.empty(search.population)
     found[0], found[1], found[2], found[3] = math.inf, math.inf, 0.0, 0.0
-    for _ in range(search.generations):
+    for generation in range(search.generations):
         for one in range(search.population):
             for segment in range(search.segments):
-                for which in range(_INPUTS):
-                    drawn = np.random.normal(mean[segment, which], deviation[segment, which])
+                for which in range(INPUTS):
+                    drawn = mean[segment, which] + deviation[segment, which] * normals[generation, one, segment, which]
                     choices[one, segment, which] = min(max(drawn, -1.0), 1.0)
             outcome = roll_out_choices(game, search, start, choices[one])
             scores[one] = outcome.least_target - (_COLLISION if outcome.collided else 0.0)
@@ -189,22 +188,22 @@ def _search_game(game: Game, search: Search, start: np.ndarray, seed: int, found
             found[3] = max(found[3], 1.0 if outcome.without_escape else 0.0)
         elite = np.argsort(scores)[: search.elite]
         for segment in range(search.segments):
-            for which in range(_INPUTS):
+            for which in range(INPUTS):
                 values = choices[elite, segment, which]
                 mean[segment, which] = values.mean()
                 deviation[segment, which] = max(values.std(), _LEAST_DEVIATION)
 
 
 @njit(cache=True, nogil=True)
-def search_games(game: Game, search: Search, starts: np.ndarray, seeds: np.ndarray, found: np.ndarray) -> None:
+def search_games(game: Game, search: Search, starts: np.ndarray, normals: np.ndarray, found: np.ndarray) -> None:
     """Search for the worst of each game, by the cross-entropy method.
 
     Args:
         game, search: what does not change.
         starts: (n, 5) relative states.
-        seeds: (n,) int, each game's own, so that it does not matter which thread plays it.
+        normals: (n, generations, population, segments, 4), drawn from the standard normal distribution.
         found: (n, 4), written: the least V(0, ·) and the least V of all rollouts, m; 1 if one collided; 1 if in one
             no manoeuvre escaped at some instant.
     """
     for i in range(len(starts)):
-        _search_game(game, search, starts[i], seeds[i], found[i])
+        _search_game(game, search, starts[i], normals[i], found[i])

@@ -41,7 +41,7 @@ def distance_behind(table, margin):
 
 @pytest.mark.parametrize("in_k", [True, False])
 def test_a_control_passes_as_long_as_braking_afterwards_is_in_time(table, manoeuvres, in_k):
-    far, near = distance_behind(table, 1.0), distance_behind(table, 0.05)
+    far, near = distance_behind(table, 1.2), distance_behind(table, 0.05)
     assert kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], [[far, 0.0, 22.0]], in_k=in_k) == (*FULL_SPEED, PASSED, NO_MANOEUVRE)
     assert kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], [[near, 0.0, 22.0]], in_k=in_k)[2] == ESCAPING
 

@@ -48,7 +48,7 @@ from hj_cosim.reachability.games.highway.paths import (
 from hj_cosim.reachability.games.highway.target import TargetFormula
 from hj_cosim.reachability.grid import Grid
 
-# Of the largest heading; short of it, for a filter keeps as far away from the table's edge as the robot turns in a step.
+# Of the largest heading; short of it, for a filter stays as far from the table's edge as the robot turns in a step.
 _SHARES_OF_HEADING = (0.0, 0.49, -0.49, 0.98, -0.98)
 _ROOT_STEPS = 80
 _ROOT_TOLERANCE = 1e-9  # m
