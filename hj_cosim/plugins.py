@@ -77,7 +77,7 @@ def known_names(kind: PluginKind) -> Mapping[str, str]:
 
 def plugin_name(reference: str) -> str:
     """Return what a reference is called in a summary and in a folder's name: the name, or the class's."""
-    return reference.rpartition(":")[2]
+    return reference.rpartition(":")[2].rpartition(".")[2]
 
 
 def whole_reference(kind: PluginKind, reference: str) -> str:

@@ -20,10 +20,15 @@ class FilterInLoop:
     def __init__(self, settings: FilterSettings, table: ValueTable, robot: RobotSettings = ROBOT) -> None:
         self._table = table
         self._guarded = GuardedFilter(make_filter(settings, robot, ROAD, table, STEP), robot)
+        self._is_prepared = False
 
     @property
     def counts(self) -> Counter[str]:
         return self._guarded.counts
 
     def filter(self, observation: Observation, desired: Control) -> FilterDecision:
-        return self._guarded.filter(observation, car_values(self._table, observation), desired)
+        values = car_values(self._table, observation)
+        if values.is_known and not self._is_prepared:
+            self._guarded.prepare(observation, values)
+            self._is_prepared = True
+        return self._guarded.filter(observation, values, desired)

@@ -146,10 +146,7 @@ def test_a_class_or_an_object_that_was_given_is_found_under_its_reference():
         pass
 
     reference = given(PLANNER, Local)
-    assert (
-        plugins.plugin_name(reference)
-        == "test_a_class_or_an_object_that_was_given_is_found_under_its_reference.<locals>.Local"
-    )
+    assert plugins.plugin_name(reference) == "Local"
     assert find_plugin(PLANNER, reference) is Local
     made = Local(1, 2)
     assert find_plugin(PLANNER, given(PLANNER, made)) is made

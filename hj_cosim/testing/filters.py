@@ -38,8 +38,8 @@ def check_filter(safety_filter: str | type, settings: FilterSettings | None = No
     """
     reference = safety_filter if isinstance(safety_filter, str) else given(FILTER, safety_filter)
     chosen = (settings or FilterSettings()).model_copy(update={"kind": reference})
-    decisions = _decisions(_made(chosen), reference)
-    again = _decisions(_made(chosen), reference, prepared=True)
+    decisions = _decisions(_made(chosen), reference, prepared=True)
+    again = _decisions(_made(chosen), reference, prepared=False)
     for first, second in zip(decisions, again, strict=True):
         same = (first.control, first.constraints, first.slack) == (second.control, second.constraints, second.slack)
         require(same, f"{reference}: the same scenes were filtered differently; a run has to be repeatable")
@@ -50,7 +50,7 @@ def _made(settings: FilterSettings) -> SafetyFilter:
     return make_filter(settings, RobotSettings(), ROAD, target_table(), STEP)
 
 
-def _decisions(safety_filter: SafetyFilter, reference: str, prepared: bool = False) -> list[FilterDecision]:
+def _decisions(safety_filter: SafetyFilter, reference: str, prepared: bool) -> list[FilterDecision]:
     """Return what a filter decides in all scenes, one after the other, for every corner of the limits and between."""
     robot = RobotSettings()
     guarded = GuardedFilter(safety_filter, _UNLIMITED)  # which shows what the filter answers by itself

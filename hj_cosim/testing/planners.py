@@ -28,8 +28,8 @@ def check_planner(planner: str | type, settings: PlannerSettings | None = None) 
     """
     reference = planner if isinstance(planner, str) else given(PLANNER, planner)
     chosen = (settings or PlannerSettings()).model_copy(update={"kind": reference})
-    plans = _plans(_made(chosen))
-    again = _plans(_made(chosen), prepared=True)
+    plans = _plans(_made(chosen), prepared=True)
+    again = _plans(_made(chosen), prepared=False)
     for first, second in zip(plans, again, strict=True):
         same = replace(first, statistics=None) == replace(second, statistics=None)
         require(same, f"{reference}: the same scenes were planned for differently; a run has to be repeatable")
@@ -39,7 +39,7 @@ def _made(settings: PlannerSettings) -> Planner:
     return make_planner(settings, RobotSettings(), DriverSettings(), ROAD, target_table())
 
 
-def _plans(planner: Planner, prepared: bool = False) -> list[Plan]:
+def _plans(planner: Planner, prepared: bool) -> list[Plan]:
     """Return what a planner plans for all scenes, one after the other."""
     guarded = GuardedPlanner(planner, ROAD)
     plans: list[Plan] = []

@@ -169,6 +169,16 @@ def test_make_planner_makes_what_the_settings_name(small_table, observe):
     assert type(make_planner(PlannerSettings(kind="hjop"), *arguments)) is OptimisticPlanner
 
 
+def test_op_plans_as_hjop_with_all_weight_on_the_driving_reward(small_table, draw_scene):
+    for seed in range(5):
+        scene = draw_scene(seed, 16)
+        target = Target(round(scene.robot[1] / 4.0), float(scene.robot[3]))
+        op = make(small_table, kind="op", gamma_r=0.5, expansions=50).plan(scene, target)
+        all_on_driving = make(small_table, kind="hjop", gamma_r=1.0, expansions=50).plan(scene, target)
+        assert (op.action, op.target) == (all_on_driving.action, all_on_driving.target)
+        assert op.statistics.best_value == all_on_driving.statistics.best_value
+
+
 def test_a_planner_of_a_users_own_is_one_class_with_one_method(observe):
     class KeepRight:
         def plan(self, observation, previous):

@@ -56,6 +56,13 @@ class NearestControl:
         self._solver = SafetySolver(settings, robot, self._failures)
         self.applied_omega = 0.0  # rad/s, of the step before
 
+    def prepare(self, available: np.ndarray) -> None:
+        """Compile what solves the problem, with a row that no control meets; it leaves nothing behind."""
+        row = SafetyRows(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1), np.zeros(1), np.full(1, -1.0))
+        self._solver.solve(row, 0.0, 0.0, available)
+        least_slack(row, available)
+        self._failures.clear()
+
     def choose(self, rows: SafetyRows, constraints: int, desired: Control, available: np.ndarray) -> RowsDecision:
         """Return the decision under K rows.
 

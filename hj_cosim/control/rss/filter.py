@@ -28,6 +28,12 @@ class RssFilter:
         self._size = np.array([robot.length, robot.width])
         self._memory = np.full(64, NEVER_SEEN, dtype=np.int64)
 
+    def prepare(self, observation: Observation, values: CarValues) -> None:
+        """Compile what is driven with, and remember nothing of it."""
+        self._make_room(observation.vehicle)
+        rss_rows(observation.robot, self._size, observation.cars, self._distances, self._memory.copy())
+        self._nearest.prepare(self._limits)
+
     def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
         """Return the control nearest to the desired one that responds properly; see SafetyFilter.
 

@@ -54,6 +54,7 @@ class SafetyPreservingFilter:
     def prepare(self, observation: Observation, values: CarValues) -> None:
         """Compile what is driven with: Ctrl-C while Numba compiles may be lost, which no step of a drive is to risk."""
         self._rows(observation, values, epsilon=np.inf)
+        self._nearest.prepare(available_controls(self._limits, 0.0, 0.0, self._bounds, self._step))
         if len(self._manoeuvres.heading) > 0:
             self._kept_escape(observation, values, Control(0.0, 0.0))
 
