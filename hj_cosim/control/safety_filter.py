@@ -18,9 +18,9 @@ from hj_cosim.control.problem.safety_problem import SafetyRows, SafetySolver, av
 from hj_cosim.control.rss.rss_rows import NEVER_SEEN, Response, rss_rows
 from hj_cosim.control.spc.escape import ESCAPING, NO_ESCAPE, Extent, keep_escape_in_traffic, manoeuvres_for
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
-from hj_cosim.reachability.games.highway.rows import Disturbance, hji_rows
+from hj_cosim.reachability.table.cars import pair_states, values_of_cars
 from hj_cosim.reachability.table.table import ValueTable
-from hj_cosim.scene.observation import Control, Observation
+from hj_cosim.scene.observation import FARTHEST, Control, Observation
 from hj_cosim.settings import FilterSettings, RobotSettings
 
 NOBODY = -1
@@ -34,6 +34,10 @@ SLACK_TOLERANCE = 1e-6
 # s, in which a robot that cannot judge turns to the road's direction.
 STRAIGHTENING_TIME = 0.5
 
+# A row with a larger coefficient comes from a broken table; squares of smaller ones do not overflow in any solver.
+LARGEST_COEFFICIENT = 1e12
+
+_NO_CARS, _NO_TABLE_ROWS = np.empty(0, dtype=np.int64), np.empty((4, 0))
 _NO_ROWS = SafetyRows(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
 
 
@@ -111,8 +115,7 @@ class _Door:
         self.counts: Counter[str] = Counter()
         self._robot = robot
         self._limits = np.array([-robot.omega_max, robot.omega_max, robot.acceleration_min, robot.acceleration_max])
-        self._arrays = table.arrays
-        self._disturbance = Disturbance.of(table)
+        self._table, self._arrays = table, table.arrays
         self._recovery = 0.0  # κ, 1/s; no filter but SPC has rows of the table
 
     def _within_limits(self, control: Control) -> Control:
@@ -135,20 +138,26 @@ class _Door:
 
     def _look(self, observation: Observation, epsilon: float) -> _Sight | None:
         """Return what the table says about all cars, or None where it cannot be judged."""
-        cars, rows, values, value, nearest = hji_rows(
-            self._arrays,
-            observation.robot,
-            observation.x,
-            observation.y,
-            observation.heading,
-            observation.speed,
-            epsilon,
-            self._recovery,
-            self._disturbance,
-        )
+        robot, x, y, speed = observation.robot, observation.x, observation.y, observation.speed
+        values = values_of_cars(self._arrays, robot, x, y, observation.heading, speed)
+        if len(values) == 0:
+            if not np.abs(robot).max() <= FARTHEST:
+                return None
+            return _Sight(_NO_CARS, _NO_TABLE_ROWS, values, math.inf, NOBODY)
+        nearest = int(values.argmin())
+        value = float(values[nearest])
         if math.isnan(value):
             return None
-        return _Sight(cars, rows, values, value, NOBODY if nearest < 0 else int(observation.vehicle[nearest]))
+        if value > epsilon:
+            rows, cars = _NO_TABLE_ROWS, _NO_CARS
+        else:
+            cars = np.flatnonzero(values <= epsilon)
+            rows = self._table.rows(pair_states(robot, x, y, speed, cars))
+            if not np.abs(rows).max() <= LARGEST_COEFFICIENT:
+                return None
+            if self._recovery > 0.0:
+                rows[3] -= self._recovery * np.minimum(epsilon - values[cars], epsilon)
+        return _Sight(cars, rows, values, value, NOBODY if math.isinf(value) else int(observation.vehicle[nearest]))
 
     def _unjudged(self, observation: Observation) -> FilterResult:
         self.counts[NOT_JUDGED] += 1

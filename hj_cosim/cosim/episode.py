@@ -29,7 +29,8 @@ from hj_cosim.metrics.threats import collides
 from hj_cosim.planning.contract import Plan, Planner
 from hj_cosim.planning.optimistic.planner import make_planner
 from hj_cosim.planning.optimistic.tree_search import IDLE
-from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.reachability.table.store import load_table, require_robot
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import RunRecord
 from hj_cosim.recording.run_folder import FIGURES, read_run, require_free_folder, write_run
 from hj_cosim.scene.observation import FARTHEST, Observation, Target, is_possible
@@ -147,7 +148,9 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
     Raises:
         NetworkError, ScenarioError: if the world cannot be built.
         SimulationError: if SUMO fails on the way.
+        TableError: if the table is another robot's.
     """
+    require_robot(table, config.robot)
     started = time.perf_counter()
     with SumoWorld(config.scenario, config.robot, config.seed, config.simulation.step) as world:
         world.settle(config.simulation.settle_time)
@@ -249,7 +252,7 @@ def run_episode(
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
     if out is not None:
         require_free_folder(Path(out))
-    episode = run_in_sumo(config, load_table(config.table), progress)
+    episode = run_in_sumo(config, load_table(config.table, robot=config.robot), progress)
     if out is not None:
         write_episode(episode, Path(out))
         draw_episode(Path(out))

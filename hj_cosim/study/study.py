@@ -12,7 +12,7 @@ import pandas as pd
 
 from hj_cosim import __version__
 from hj_cosim.locations import runs_folder
-from hj_cosim.reachability.table.table import find_specification, load_table, specification_hash, table_path
+from hj_cosim.reachability.table.store import find_specification, load_table, specification_hash, table_path
 from hj_cosim.study.claims import claim_table
 from hj_cosim.study.cluster import DaskCluster
 from hj_cosim.study.design import StudyDesign, design_study, parse_variation
@@ -129,9 +129,7 @@ def run_study(
         "vary": list(vary),
         "set": list(assignments),
     }
-    hashes = {
-        f"table {name}": specification_hash(table.specification, table.dynamics) for name, table in tables.items()
-    }
+    hashes = {f"table {name}": specification_hash(table.specification, table.game) for name, table in tables.items()}
     return conduct(
         study_folder,
         engine,

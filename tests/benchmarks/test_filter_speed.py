@@ -13,8 +13,9 @@ import qpsolvers
 
 from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.control.safety_filter import make_filter
-from hj_cosim.reachability.games.highway.rows import Disturbance, hji_rows
-from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.reachability.table.cars import values_of_cars
+from hj_cosim.reachability.table.store import load_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Control, Observation
 from hj_cosim.settings import FilterSettings, RobotSettings
 
@@ -81,8 +82,8 @@ def test_filter_step(benchmark, table):
         intervening = np.array([result.intervening for result in results[50:]])
         busy = taken[intervening] if intervening.any() else taken
         lines.append((name, np.median(taken), np.quantile(taken, 0.99), np.median(busy), 100 * intervening.mean()))
-    arrays, other = table.arrays, Disturbance.of(table)
-    looked_up = durations(lambda s: hji_rows(arrays, s.robot, s.x, s.y, s.heading, s.speed, 2.0, 0.0, other), scenes)
+    arrays = table.arrays
+    looked_up = durations(lambda s: values_of_cars(arrays, s.robot, s.x, s.y, s.heading, s.speed), scenes)
     p, q, c = np.array([3.0, -8.0]), np.array([-2.0, 5.0]), np.array([-4.0, 2.0])
     weights, box = np.array([11.1, 0.0625, 10.0]), np.array([-0.3, 0.3, -6.0, 4.0])
     enumerated = durations(lambda _: least_cost_control(p, q, c, 0.01, 1.0, weights, False, box), scenes)
@@ -96,6 +97,6 @@ def test_filter_step(benchmark, table):
     )
     for name, median, tail, busy, share in lines:
         print(f"{name:28s}{median:12.1f}{tail:10.1f}{busy:16.1f}{share:15.1f}")
-    print(f"{'  of it look-ups and rows':28s}{np.median(looked_up):12.1f}{np.quantile(looked_up, 0.99):10.1f}")
+    print(f"{'  of it look-ups':28s}{np.median(looked_up):12.1f}{np.quantile(looked_up, 0.99):10.1f}")
     print(f"{'floor: qpsolvers with daqp':28s}{np.median(floor):12.1f}{np.quantile(floor, 0.99):10.1f}")
     print(f"{'enumeration instead':28s}{np.median(enumerated):12.1f}{np.quantile(enumerated, 0.99):10.1f}")

@@ -6,7 +6,7 @@ from hj_cosim.control.safety_filter import FilterResult, SafetyFilter, make_filt
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import drive
 from hj_cosim.planning.optimistic.planner import make_planner
-from hj_cosim.reachability.table.table import load_table
+from hj_cosim.reachability.table.store import load_table
 from hj_cosim.scene.observation import Control, Observation
 from hj_cosim.traffic.sumo.world import SumoWorld
 

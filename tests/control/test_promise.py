@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hj_cosim.control.safety_filter import make_filter
-from hj_cosim.reachability.games.highway.rows import recovery_rate
+from hj_cosim.control.spc.recovery import recovery_rate
 from hj_cosim.scene.observation import Control
 from hj_cosim.settings import FilterSettings, RobotSettings
 from hj_cosim.verification.promise import promise_kept, promised_rate, realised_value_rates
