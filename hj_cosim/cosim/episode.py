@@ -26,8 +26,9 @@ from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.contract import IDLE, Plan, Planner
 from hj_cosim.planning.guard import GuardedPlanner
 from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
-from hj_cosim.reachability.table.car_values import car_values
-from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.reachability.table.cars import car_values
+from hj_cosim.reachability.table.store import load_table, require_robot
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import RunRecord
 from hj_cosim.recording.run_folder import FIGURES, read_run, require_free_folder, write_run
 from hj_cosim.scene.observation import FARTHEST, Observation, Target, is_possible
@@ -163,7 +164,9 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
     Raises:
         NetworkError, ScenarioError: if the world cannot be built.
         SimulationError: if SUMO fails on the way.
+        TableError: if the table is another robot's.
     """
+    require_robot(table, config.robot)
     started = time.perf_counter()
     with SumoWorld(config.scenario, config.robot, config.seed, config.simulation.step) as world:
         world.settle(config.simulation.settle_time)
@@ -269,7 +272,7 @@ def run_episode(
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
     if out is not None:
         require_free_folder(Path(out))
-    episode = run_in_sumo(config, load_table(config.table), progress)
+    episode = run_in_sumo(config, load_table(config.table, robot=config.robot), progress)
     if out is not None:
         write_episode(episode, Path(out))
         draw_episode(Path(out))
