@@ -40,7 +40,6 @@ class SafetyPreservingFilter:
         self._epsilon = settings.epsilon
         self._recovery = settings.recovery
         self._step = step
-        self._arrays = table.arrays
         self._disturbance = Disturbance.of(table)
         self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
         self._extent = Extent.of(table)
@@ -75,10 +74,10 @@ class SafetyPreservingFilter:
     def _rows(self, observation: Observation, values: CarValues, epsilon: float) -> SafetyRows | None:
         """Return the rows of the cars with V <= ε: no V of theirs may fall; None where a row is not finite."""
         cars, rows = hji_rows(
-            self._arrays,
             observation.robot,
-            observation.cars,
+            observation.speed,
             values.value,
+            values.gradient,
             epsilon,
             self._recovery,
             self._disturbance,

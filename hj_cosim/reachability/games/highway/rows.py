@@ -15,9 +15,7 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.errors import TableError
-from hj_cosim.reachability.table.lookup import TableArrays, value_and_gradient_at
 from hj_cosim.reachability.table.table import ValueTable
-from hj_cosim.scene.observation import Cars
 
 # A row with a larger coefficient comes from a broken table; squares of smaller ones do not overflow in any solver.
 LARGEST_COEFFICIENT = 1e12
@@ -83,10 +81,10 @@ def recovery_rate(value: float, epsilon: float, recovery: float) -> float:
 
 @njit(cache=True)
 def hji_rows(
-    table: TableArrays,
     robot: np.ndarray,
-    cars: Cars,
+    speed: np.ndarray,
     values: np.ndarray,
+    gradients: np.ndarray,
     epsilon: float,
     recovery: float,
     other: Disturbance,
@@ -94,10 +92,10 @@ def hji_rows(
     """Return the rows of the cars in K: those with V <= ε.
 
     Args:
-        table: the value table's arrays.
         robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
-        cars: the other cars.
+        speed: (J,) m/s, of the other cars.
         values: (J,) m, their V, as `table.car_values` looks it up.
+        gradients: (J, 5) of V, likewise.
         epsilon: ε, m.
         recovery: κ, 1/s.
         other: limits of the other car's controls.
@@ -108,19 +106,16 @@ def hji_rows(
     """
     in_k = np.empty(len(values), dtype=np.int64)
     rows = np.empty((4, len(values)))
-    gradient = np.empty(5)
     count = 0
     for j in range(len(values)):
-        value, speed = values[j], cars.speed[j]
+        value, gradient = values[j], gradients[j]
         if value > epsilon:
             continue
-        p_x, p_y = robot[0] - cars.x[j], robot[1] - cars.y[j]
-        value_and_gradient_at(table, p_x, p_y, robot[2], robot[3], speed, gradient)
         in_k[count] = j
         rows[0, count] = value
         rows[1, count] = gradient[2]
         rows[2, count] = gradient[3]
-        rows[3, count] = worst_drift(gradient, robot[2], robot[3], speed, other)
+        rows[3, count] = worst_drift(gradient, robot[2], robot[3], speed[j], other)
         rows[3, count] -= recovery_rate(value, epsilon, recovery)
         if not abs(value) + abs(rows[1, count]) + abs(rows[2, count]) + abs(rows[3, count]) <= LARGEST_COEFFICIENT:
             return in_k[:0], rows[:, :0]
