@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hj_cosim.control.safety_filter import make_filter
+from filter_in_loop import ROAD, FilterInLoop
 
 from hj_cosim.analysis.figures.value_slice import value_slice as draw_slice
+from hj_cosim.control.catalogue import make_filter
 from hj_cosim.errors import ConfigurationError, TableError
 from hj_cosim.planning.optimistic.planner import make_planner
 from hj_cosim.reachability.games.catalogue import find_game, registered_games
@@ -124,9 +125,8 @@ def test_the_worst_heading_is_right_between_any_bounds(monkeypatch, bounds: tupl
 
 def test_rows_of_a_game_of_ones_own_are_the_least_rise_of_v_that_trying_finds(windy: ValueTable) -> None:
     states = windy.draw_states(100, np.random.default_rng(6))
-    values, *coefficients, least = windy.rows(states)
     gradients = windy.gradient(states)
-    assert values == pytest.approx(windy.value(states))
+    *coefficients, least = windy.half_planes(states, gradients)
     for omega, acceleration in itertools.product((-0.3, 0.1), (-6.0, 2.0)):
         control = np.tile([omega, acceleration], (100, 1))
         rises = [
@@ -144,7 +144,7 @@ def test_a_game_of_ones_own_is_looked_up_filtered_and_planned_with(windy: ValueT
     states = windy.draw_states(50, np.random.default_rng(7))
     assert values_and_gradients(windy.arrays, states)[0] == pytest.approx(windy.value(states))
     robot = RobotSettings()
-    spc = make_filter(FilterSettings(kind="spc", keep_escape=False), robot, windy, 0.02)
+    spc = FilterInLoop(FilterSettings(kind="spc", keep_escape=False), windy)
     close = scene((12.0, 4.0, 15.0))
     result = spc.filter(close, Control(0.0, 3.0))
     assert result.constraints == 1
@@ -157,7 +157,7 @@ def test_a_game_of_ones_own_is_looked_up_filtered_and_planned_with(windy: ValueT
 
 def test_a_game_without_manoeuvres_says_so_where_an_escape_is_to_be_kept(windy: ValueTable) -> None:
     with pytest.raises(TableError, match=r"windy.*keep_escape=false"):
-        make_filter(FilterSettings(kind="spc", keep_escape=True), RobotSettings(), windy, 0.02)
+        make_filter(FilterSettings(kind="spc", keep_escape=True), RobotSettings(), ROAD, windy, 0.02)
     with pytest.raises(TableError, match="no manoeuvres are known for the game windy"):
         windy.guaranteed(np.zeros((1, 5)))
 

@@ -40,7 +40,7 @@ class SafetyPreservingFilter:
         self._epsilon = settings.epsilon
         self._recovery = settings.recovery
         self._step = step
-        self._table = table
+        self._half_planes = table.half_planes
         self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
         self._extent = Extent.of(table)
         self._limits = limits_of(robot)
@@ -74,7 +74,9 @@ class SafetyPreservingFilter:
     def _rows(self, observation: Observation, values: CarValues, epsilon: float) -> SafetyRows | None:
         """Return the rows of the cars with V <= ε: no V of theirs may fall; None where a row is not finite."""
         cars = np.flatnonzero(values.value <= epsilon)
-        value, p, q, c = self._table.rows(pair_states(observation.robot, observation.cars, cars))
+        value = values.value[cars]
+        states = pair_states(observation.robot, observation.cars, cars)
+        p, q, c = self._half_planes(states, values.gradient[cars])
         if self._recovery > 0.0:
             c -= self._recovery * np.minimum(self._epsilon - value, self._epsilon)
         rows = SafetyRows(observation.vehicle[cars], value, p, q, c)
