@@ -17,6 +17,6 @@ def plan_path(record: RunRecord, sample: int) -> np.ndarray:
     time = np.linspace(0.0, HORIZON, POINTS)
     missing = robot.plan_speed[sample] - robot.speed[sample]
     along = robot.plan_speed[sample] * time - missing * (1.0 - np.exp(-SPEED_RATE * time)) / SPEED_RATE
-    centre = record.road.lane_centre(int(robot.plan_lane[sample]))
+    centre = record.road.lane_centre(int(robot.plan_lane[sample]), robot.x[sample])
     aside = centre + (robot.y[sample] - centre) * np.exp(-LATERAL_RATE * time)
     return np.column_stack([robot.x[sample] + along, aside])

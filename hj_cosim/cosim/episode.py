@@ -21,7 +21,7 @@ from hj_cosim.control.safety_filter import (
 from hj_cosim.control.tracking import tracking_control
 from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
 from hj_cosim.cosim.recorder import Recorder
-from hj_cosim.errors import SimulationError
+from hj_cosim.errors import DriveEnded, SimulationError
 from hj_cosim.files import file_name
 from hj_cosim.locations import runs_folder
 from hj_cosim.metrics.summary import summarize
@@ -30,7 +30,7 @@ from hj_cosim.planning.contract import Plan, Planner
 from hj_cosim.planning.optimistic.planner import make_planner
 from hj_cosim.planning.optimistic.tree_search import IDLE
 from hj_cosim.reachability.table.table import ValueTable, load_table
-from hj_cosim.recording.record import RunRecord
+from hj_cosim.recording.record import COLLISION, DURATION, RunRecord
 from hj_cosim.recording.run_folder import FIGURES, read_run, require_free_folder, write_run
 from hj_cosim.scene.observation import FARTHEST, Observation, Target, is_possible
 from hj_cosim.settings import EpisodeConfig
@@ -65,6 +65,7 @@ def drive(
     At every step the robot observes, plans if it is time to, tracks the plan, filters the control, and moves as
     the bicycle does; the world moves with it. Any world, planner and filter of the Protocols will do. Where a car's
     state is NaN or infinite, nothing is planned and the last plan is kept, while the filter brakes and counts.
+    A world where the robot cannot go on ends the drive before its time; what was driven is kept, with the reason.
 
     Args:
         world: at the instant that the robot takes over.
@@ -80,10 +81,13 @@ def drive(
     simulation, robot = config.simulation, config.robot
     samples = max(round(simulation.duration / simulation.step), 1)
     samples_per_plan = max(round(simulation.plan_period / simulation.step), 1)
-    recorder = Recorder(samples, world.vehicle_names)
+    recorder = Recorder(samples, len(world.vehicle_names))
     observation = _observe(world)
-    target = Target(lane=world.road.lane_at(observation.robot[1]), speed=float(observation.robot[3]))
+    target = Target(
+        lane=world.road.lane_at(observation.robot[1], observation.robot[0]), speed=float(observation.robot[3])
+    )
     plan = Plan(IDLE, target)
+    ended = DURATION
     for sample in range(samples):
         if sample % samples_per_plan == 0:
             if is_possible(observation.robot, observation.x, observation.y, observation.heading, observation.speed):
@@ -97,18 +101,23 @@ def drive(
         steering = steering_for(omega, float(observation.robot[3]), robot.wheelbase)
         recorder.record(observation, plan, desired, filtered, steering)
         if simulation.on_collision == "stop" and _collided(observation, config):
+            ended = COLLISION
             break
         if sample + 1 < samples:
             state = bicycle_step(
                 observation.robot, steering, acceleration, robot.wheelbase, robot.speed_max, simulation.step
             )
-            world.step(state, acceleration)
+            try:
+                world.step(state, acceleration)
+            except DriveEnded as end:
+                ended = end.reason
+                break
             before, observation = observation, _observe(world)
             if audit is not None:
                 audit.judge(filtered, before, observation)
     if progress is not None:
         progress(samples, samples)
-    return recorder.finish(world.road, robot)
+    return recorder.finish(world.road, robot, world.vehicle_names, ended)
 
 
 def _observe(world: World) -> Observation:

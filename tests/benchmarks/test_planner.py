@@ -14,7 +14,7 @@ from hj_cosim.cosim.episode import run_in_sumo
 from hj_cosim.planning.optimistic.planner import OptimisticPlanner
 from hj_cosim.reachability.table.table import ValueTable, load_table
 from hj_cosim.scene.observation import Observation, Target
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 from hj_cosim.traffic.sources.scenarios import load_scenario
 from hj_cosim.traffic.sumo.world import SumoWorld
@@ -60,7 +60,7 @@ def scene(seed: int, cars: int, reach: float, spacing: float = 14.0) -> Observat
 
 
 def planner_for(table: ValueTable, **settings) -> OptimisticPlanner:
-    return OptimisticPlanner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), Road(4), table)
+    return OptimisticPlanner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), StraightRoad(4), table)
 
 
 @pytest.mark.parametrize(("cars", "reach"), [(11, 110.0), (100, 500.0)])
