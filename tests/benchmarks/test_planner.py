@@ -173,7 +173,7 @@ def prediction_errors(name: str, seed: int, seconds: int = 15) -> Iterator[tuple
             now = world.observe()
             if step % 50 == 0:
                 seen.append((now.vehicle.copy(), now.x.copy()))
-                target = Target(world.road.lane_at(now.robot[1]), float(now.robot[3]))
+                target = Target(world.road.lane_at(now.robot[1], now.robot[0]), float(now.robot[3]))
                 predicted[step // 50] = planner.predict(now, target, [0, 0, 0])
             x, y, _, speed = now.robot
             world.step(np.array([x + 0.02 * speed, y, 0.0, speed]), 0.0)

@@ -82,11 +82,12 @@ class SumoSession:
             reason = lines[0].removeprefix("Error: ") if lines else " ".join(str(error).split())
             raise SimulationError(f"SUMO cannot run {what}: {reason}") from error
 
-    @contextlib.contextmanager
-    def moving(self) -> Iterator[None]:
-        """Make a step when the block ends, which asks for vehicles to be moved to where they are in that step."""
+    def expect_moves(self) -> None:
+        """Be told that vehicles are about to be asked to be somewhere when the next step ends."""
         self._moves_wait = True
-        yield
+
+    def step(self) -> None:
+        """Make a step, in which what was asked for is done."""
         libsumo.simulationStep()
         self._moves_wait = False
 

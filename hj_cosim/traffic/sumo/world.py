@@ -135,8 +135,9 @@ class SumoWorld:
             turn, steps_into_turn = divmod(self._steps, self._turn_steps)
             if not steps_into_turn:
                 self._fleet.request_lane_changes(turn, self._mobil, self._step)
-            with self._session.moving():
-                self._puppet.place(robot, self._is_beside_somebody)
+            self._session.expect_moves()
+            self._puppet.place(robot, self._is_beside_somebody)
+            self._session.step()
             self._puppet.after_step(float(robot_state[3]))
             self._steps += 1
             self._fleet.move_robot(robot)
