@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hj_cosim.control.safety_filter import make_filter
+from hj_cosim.control.catalogue import make_filter
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import drive
 from hj_cosim.errors import DriveEnded
-from hj_cosim.planning.contract import IdlePlanner
+from hj_cosim.planning.idle import IdlePlanner
 from hj_cosim.recording.run_folder import read_run, write_run
 from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import CarStart
@@ -21,8 +21,8 @@ STRAIGHT_ON = ("planner.kind=idle", "filter.kind=none")
 
 def drive_idly(world, table, *settings):
     config = resolve_config("paper", assignments=[*STRAIGHT_ON, *settings])
-    safety_filter = make_filter(config.filter, config.robot, table, config.simulation.step)
-    return drive(world, IdlePlanner(), safety_filter, config)
+    safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
+    return drive(world, IdlePlanner(), safety_filter, table, config).record
 
 
 @pytest.fixture
