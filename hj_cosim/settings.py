@@ -182,7 +182,10 @@ class DriverSettings(Settings):
 class NetworkSettings(Settings):
     """Which straight edge of which SUMO network is driven on."""
 
-    file: str = Field("four_lanes.net.xml", description="beside the scenario, in sumo_net/, or an absolute path")
+    file: str = Field(
+        "four_lanes.net.xml",
+        description="a .net.xml or .net.xml.gz beside the scenario, in sumo_net/, or an absolute path",
+    )
     edge: str = "highway"
 
 
@@ -307,6 +310,16 @@ class EpisodeConfig(Settings):
             )
         return self
 
+    @model_validator(mode="after")
+    def _robot_can_be_as_fast_as_it_starts(self) -> "EpisodeConfig":
+        start, most = self.scenario.robot.speed, self.robot.speed_max
+        if start > most:
+            raise ValueError(
+                f"scenario.robot.speed ({start:g} m/s) must not exceed robot.speed_max ({most:g} m/s);"
+                " start slower, or raise the robot's limit"
+            )
+        return self
+
     @model_validator(mode="before")
     @classmethod
     def _seed_is_the_scenarios(cls, data: Any) -> Any:
@@ -376,8 +389,14 @@ def parse_toml(text: str) -> dict[str, Any]:
     raise ValueError(too_deep)
 
 
-def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
+def validate(model: type[Model], data: Mapping[str, Any], source: str, table: str = "") -> Model:
     """Return `data` as `model`.
+
+    Args:
+        model: what it should be.
+        data: unchecked.
+        source: where it comes from, for the message.
+        table: the part of the model that the source states; in the message, keys in it are called as they are there.
 
     Raises:
         ConfigurationError: one sentence that names the source, the key, the value and what would be right.
@@ -386,13 +405,23 @@ def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
-        key = shown(".".join(str(part) for part in first["loc"]) or "the whole")
+        within = first["loc"][:1] == (table,)
+        key = shown(_key_in_toml(first["loc"][1:] if within else first["loc"]) or "the whole")
         if first["type"] == "extra_forbidden":
             known = ", ".join(_fields_at(model, first["loc"][:-1]))
             raise ConfigurationError(f"{source}: unknown key {key!r}; known keys are {known}") from error
         reason = first["msg"].removeprefix("Value error, ")
         given = "" if first["type"] in ("missing", "value_error") else f" = {shown(repr(first['input']))}"
         raise ConfigurationError(f"{source}: {key}{given}: {reason[:1].lower()}{reason[1:]}") from error
+
+
+def _key_in_toml(location: tuple[int | str, ...]) -> str:
+    """Return a place within a model as one finds it in TOML: `traffic.count`, or `[[cars]] entry 1, lane`."""
+    for depth, part in enumerate(location):
+        if isinstance(part, int):
+            array, rest = ".".join(map(str, location[:depth])), _key_in_toml(location[depth + 1 :])
+            return f"[[{array}]] entry {part + 1}, {rest}" if rest else f"{array}, entry {part + 1}"
+    return ".".join(map(str, location))
 
 
 def shown(text: str) -> str:

@@ -41,7 +41,7 @@ def resolve_config(
     data = overlay(data, PRESETS[preset])
     data = overlay(data, {"scenario": scenario_data(scenario)})
     # Each layer is checked before the next is laid over it, so that each is named for its own mistakes.
-    config = validate(EpisodeConfig, data, str(scenario_path(scenario)))
+    config = validate(EpisodeConfig, data, str(scenario_path(scenario)), table="scenario")
     data = overlay(data, {"scenario": {"network": {"file": _network_file(config, scenario)}}})
     layers = [("the command line", flags or {})]
     layers += [(f"--set {shown(assignment)}", parse_assignment(assignment)) for assignment in assignments]

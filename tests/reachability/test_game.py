@@ -19,7 +19,7 @@ from hj_cosim.reachability.table.lookup import values_and_gradients
 from hj_cosim.reachability.table.store import load_table
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Control, Observation, Target
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import DriverSettings, FilterSettings, PlannerSettings, RobotSettings
 
 # Two cars, the robot's slowed by the air and steered by a turn rate that fades with speed, the other one straight on.
@@ -150,7 +150,7 @@ def test_a_game_of_ones_own_is_looked_up_filtered_and_planned_with(windy: ValueT
     assert result.constraints == 1
     assert result.control.acceleration < 0.0
     assert result.value == pytest.approx(windy.value(np.array([-12.0, 0.0, 0.0, 25.0, 15.0]))[0])
-    road = Road(lane_count=4, lane_width=4.0, length=10_000.0)
+    road = StraightRoad(lane_count=4, lane_width=4.0, length=10_000.0)
     planner = make_planner(PlannerSettings(expansions=100), robot, DriverSettings(), road, windy)
     assert planner.plan(close, Target(1, 25.0)).target.speed <= 25.0
 
