@@ -18,7 +18,7 @@ from hj_cosim.control.problem.safety_problem import SafetyRows, SafetySolver, av
 from hj_cosim.control.rss.rss_rows import NEVER_SEEN, Response, rss_rows
 from hj_cosim.control.spc.escape import ESCAPING, NO_ESCAPE, Extent, keep_escape_in_traffic, manoeuvres_for
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
-from hj_cosim.reachability.table.cars import pair_states, values_of_cars
+from hj_cosim.reachability.table.cars import values_of_cars
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import FARTHEST, Control, Observation
 from hj_cosim.settings import FilterSettings, RobotSettings
@@ -115,7 +115,7 @@ class _Door:
         self.counts: Counter[str] = Counter()
         self._robot = robot
         self._limits = np.array([-robot.omega_max, robot.omega_max, robot.acceleration_min, robot.acceleration_max])
-        self._table, self._arrays = table, table.arrays
+        self._arrays, self._rows_of_cars = table.arrays, table.rows_of_cars
         self._recovery = 0.0  # κ, 1/s; no filter but SPC has rows of the table
 
     def _within_limits(self, control: Control) -> Control:
@@ -151,8 +151,7 @@ class _Door:
         if value > epsilon:
             rows, cars = _NO_TABLE_ROWS, _NO_CARS
         else:
-            cars = np.flatnonzero(values <= epsilon)
-            rows = self._table.rows(pair_states(robot, x, y, speed, cars))
+            cars, rows = self._rows_of_cars(self._arrays, robot, x, y, speed, values, epsilon)
             if not np.abs(rows).max() <= LARGEST_COEFFICIENT:
                 return None
             if self._recovery > 0.0:

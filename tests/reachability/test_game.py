@@ -14,6 +14,7 @@ from hj_cosim.planning.optimistic.planner import make_planner
 from hj_cosim.reachability.games.catalogue import find_game, registered_games
 from hj_cosim.reachability.games.highway.other_car import Disturbance
 from hj_cosim.reachability.games.highway.rows import worst_drift
+from hj_cosim.reachability.table.cars import values_of_cars
 from hj_cosim.reachability.table.lookup import values_and_gradients
 from hj_cosim.reachability.table.store import load_table
 from hj_cosim.reachability.table.table import ValueTable
@@ -102,13 +103,17 @@ def scene(*cars: tuple[float, float, float]) -> Observation:
 
 
 def test_the_highways_closed_rows_are_those_that_its_flow_gives(sheared_table: ValueTable) -> None:
-    game, limits = sheared_table.game, sheared_table.state_limits()
-    states = sheared_table.draw_states(500, np.random.default_rng(3))
-    states[:20, 4] = 0.0  # who stands does not brake
-    gradients = np.random.default_rng(4).normal(size=states.shape)
-    closed = game.half_planes(sheared_table.parameters, limits)(states, gradients)
-    from_flow = dataclasses.replace(game, closed_half_planes=None).half_planes(sheared_table.parameters, limits)
-    assert closed == pytest.approx(from_flow(states, gradients), rel=1e-4, abs=1e-3)
+    from_flow = dataclasses.replace(sheared_table, game=dataclasses.replace(sheared_table.game, closed_rows=None))
+    generator = np.random.default_rng(3)
+    robot = np.array([0.0, 4.0, 0.1, 22.0])
+    x, y, speed = (generator.uniform(low, high, 300) for low, high in ((-150.0, 150.0), (-3.0, 11.0), (0.0, 39.0)))
+    speed[:20] = 0.0  # who stands does not brake
+    values = values_of_cars(sheared_table.arrays, robot, x, y, np.zeros(300), speed)
+    cars, closed = sheared_table.rows_of_cars(sheared_table.arrays, robot, x, y, speed, values, 5.0)
+    others, rows = from_flow.rows_of_cars(sheared_table.arrays, robot, x, y, speed, values, 5.0)
+    assert 20 < len(cars) < 300
+    assert cars.tolist() == others.tolist() == np.flatnonzero(values <= 5.0).tolist()
+    assert closed == pytest.approx(rows, rel=1e-3, abs=1e-2)
 
 
 @pytest.mark.parametrize("bounds", [(-0.1, 0.1), (-0.02, 0.3), (0.05, 0.2), (-0.4, -0.1)])
