@@ -39,3 +39,7 @@ class OutputError(HjCosimError):
 
 class WorkerError(HjCosimError):
     """The processes or the cluster that drive a study's episodes cannot be started or reached."""
+
+
+class PluginError(HjCosimError):
+    """A planner or a filter cannot be imported or made, or failed in the middle of an episode."""

@@ -53,7 +53,11 @@ class TrackingSettings(Settings):
 class PlannerSettings(Settings):
     """Optimistic planning and its reward (paper, section Planner Dynamics and Reward Function)."""
 
-    kind: Literal["hjop", "op", "idle"] = "hjop"
+    kind: str = Field(
+        "hjop",
+        description="hjop, op, idle, a name that a package registers, FILE.py:Class or package.module:Class",
+        examples=["hjop", "op", "idle"],
+    )
     gamma_r: float = Field(0.9, ge=0, le=1, description="weight of the driving reward in HJOP; OP has 1")
     value_clip: float = Field(8.0, gt=0, description="m, the HJI reward is clipped to ± this")
     expansions: int = Field(300, ge=1, le=1_000_000, description="node expansions per plan, some 4 to 6 ms of them")
@@ -74,6 +78,7 @@ class PlannerSettings(Settings):
     lane_change_time: float = Field(2.0, gt=0, description="s, in which the tracked robot gets one lane across")
     others_lane_change_time: float = Field(3.0, gt=0, description="s, in which the other cars do")
     speed_response: float = Field(0.6, gt=0, description="s, time constant of the tracked speed, 1/K_2")
+    options: dict[str, Any] = Field({}, description="settings that a planner of one's own brings")
 
     @model_validator(mode="after")
     def _speeds_are_ordered(self) -> "PlannerSettings":
@@ -104,7 +109,11 @@ class RssParameters(Settings):
 class FilterSettings(Settings):
     """The safety filter between the tracking controller and the robot."""
 
-    kind: Literal["spc", "rss", "none"] = "spc"
+    kind: str = Field(
+        "spc",
+        description="spc, rss, none, a name that a package registers, FILE.py:Class or package.module:Class",
+        examples=["spc", "rss", "none"],
+    )
     scheme: Literal["mi", "sw"] = "mi"
     epsilon: float = Field(2.0, ge=0, description="m, a car with V <= ε is in K")
     recovery: float = Field(
@@ -117,6 +126,7 @@ class FilterSettings(Settings):
     )
     solver: Backend = Field("daqp", description="quadprog may never end where many cars are at one place")
     rss: RssParameters = RssParameters(response_time=0.5, brake_min=4.0, brake_max=8.0)
+    options: dict[str, Any] = Field({}, description="settings that a filter of one's own brings")
 
 
 class SimulationSettings(Settings):

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from hj_cosim.metrics.driving import driving_metrics
+from hj_cosim.plugins import plugin_name
 from hj_cosim.recording.record import RunRecord
 from hj_cosim.settings import EpisodeConfig
 
@@ -26,8 +27,8 @@ def summarize(record: RunRecord, config: EpisodeConfig, wall_seconds: float) -> 
     robot, threats = record.robot, record.threats
     duration = round(len(record.time) * config.simulation.step, 9)
     return {
-        "planner": config.planner.kind,
-        "filter": config.filter.kind,
+        "planner": plugin_name(config.planner.kind),
+        "filter": plugin_name(config.filter.kind),
         "scheme": config.filter.scheme,
         "seed": config.seed,
         "scenario": config.scenario.name,

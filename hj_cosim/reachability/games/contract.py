@@ -39,6 +39,7 @@ from numba.core.errors import NumbaError
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.reachability.grid import Grid
+from hj_cosim.scene.observation import Cars
 from hj_cosim.settings import Boundary, RobotSettings, TableSpecification
 
 if TYPE_CHECKING:
@@ -48,11 +49,9 @@ Outside = Literal["safe", "clamp"]
 StateFunction = Callable[..., None]
 # States (K, n) and gradients (K, n) to coefficients and c, (controls + 1, K).
 HalfPlanes = Callable[[np.ndarray, np.ndarray], np.ndarray]
-# A table's arrays, robot (4,), x, y, speed and V of all cars (J,), and a bound, to the cars with V up to it, (K,) int,
-# and their rows (4, K): V, both coefficients, c.
-RowsOfCars = Callable[
-    [Any, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]
-]
+# A table's arrays, robot (4,), cars, V of all cars (J,) and a bound, to the cars with V up to it, (K,) int, and their
+# rows (4, K): V, both coefficients, c.
+RowsOfCars = Callable[[Any, np.ndarray, Cars, np.ndarray, float], tuple[np.ndarray, np.ndarray]]
 
 # The state of a game of the robot and one other car: positions robot − other along and across the road, m, the robot's
 # heading, rad, both speeds, m/s; its controls are the robot's turn rate, rad/s, and acceleration, m/s².

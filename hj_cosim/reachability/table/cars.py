@@ -1,4 +1,4 @@
-"""A table of two cars asked about all cars around the robot at once (jitted)."""
+"""A table of two cars asked about all cars of an observation: once a step, for all who want it."""
 
 import math
 
@@ -6,42 +6,67 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.reachability.table.lookup import TableArrays, value_at
-from hj_cosim.scene.observation import is_possible
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.scene.observation import NOBODY, Cars, CarValues, Observation, is_possible
 
 
-@njit(cache=True)
-def values_of_cars(
-    table: TableArrays, robot: np.ndarray, x: np.ndarray, y: np.ndarray, heading: np.ndarray, speed: np.ndarray
-) -> np.ndarray:
-    """Return V of every car of an observation, (J,), m.
-
-    +inf of a car that is not within the table in p_x or p_y; NaN of all if the observation is not possible
-    (`scene.observation.is_possible`), for then nothing is known.
+def car_values(table: ValueTable, observation: Observation) -> CarValues:
+    """Return V between the robot and each car of an observation.
 
     Args:
-        table: the value table's arrays.
-        robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
-        x, y, heading, speed: (J,) m, m, rad, m/s, of the other cars.
+        table: V over (p_x, p_y, θ_r, v_r, v_o).
+        observation: finite or not; where it is not, nor is any value.
     """
-    values = np.full(len(x), math.nan)
-    if is_possible(robot, x, y, heading, speed):
-        for j in range(len(x)):
-            values[j] = value_at(table, robot[0] - x[j], robot[1] - y[j], robot[2], robot[3], speed[j])
-    return values
+    value, least, nearest = _car_values(table.arrays, observation.robot, observation.cars)
+    return CarValues(value, least, nearest)
+
+
+def rows_of_cars(
+    table: ValueTable, observation: Observation, values: CarValues, bound: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cars with V up to a bound, (K,) int, and what a filter asks of its control about each, (4, K).
+
+    Those rows are V, the coefficients of ω and a, and c: see `ValueTable.rows`.
+
+    Args:
+        table: V over (p_x, p_y, θ_r, v_r, v_o).
+        observation: the robot and the cars.
+        values: V of the cars, `car_values`.
+        bound: m.
+    """
+    if table.closed_rows is not None:
+        return table.closed_rows(table.arrays, observation.robot, observation.cars, values.value, bound)
+    cars = np.flatnonzero(values.value <= bound)
+    return cars, table.rows(pair_states(observation.robot, observation.cars, cars))
 
 
 @njit(cache=True)
-def pair_states(robot: np.ndarray, x: np.ndarray, y: np.ndarray, speed: np.ndarray, cars: np.ndarray) -> np.ndarray:
+def _car_values(table: TableArrays, robot: np.ndarray, cars: Cars) -> tuple[np.ndarray, float, int]:
+    """Return V (J,), the least of them and its index; NaN, and NOBODY, where any is not a number."""
+    value = np.full(len(cars.x), np.nan)
+    if not is_possible(robot, cars.x, cars.y, cars.heading, cars.speed):
+        return value, math.nan, NOBODY
+    least, nearest, known = math.inf, NOBODY, True
+    for j in range(len(value)):
+        value[j] = value_at(table, robot[0] - cars.x[j], robot[1] - cars.y[j], robot[2], robot[3], cars.speed[j])
+        if value[j] < least:
+            least, nearest = value[j], j
+        known = known and value[j] > -math.inf
+    return (value, least, nearest) if known else (value, math.nan, NOBODY)
+
+
+@njit(cache=True)
+def pair_states(robot: np.ndarray, cars: Cars, chosen: np.ndarray) -> np.ndarray:
     """Return the states (p_x, p_y, θ, v_r, v_o) of the robot and some of the cars, (K, 5).
 
     Args:
         robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
-        x, y, speed: (J,) m, m, m/s, of all cars.
-        cars: (K,) int, which.
+        cars: all of them, J.
+        chosen: (K,) int, which.
     """
-    states = np.empty((len(cars), 5))
-    for k in range(len(cars)):
-        j = cars[k]
-        states[k, 0], states[k, 1] = robot[0] - x[j], robot[1] - y[j]
-        states[k, 2], states[k, 3], states[k, 4] = robot[2], robot[3], speed[j]
+    states = np.empty((len(chosen), 5))
+    for k in range(len(chosen)):
+        j = chosen[k]
+        states[k, 0], states[k, 1] = robot[0] - cars.x[j], robot[1] - cars.y[j]
+        states[k, 2], states[k, 3], states[k, 4] = robot[2], robot[3], cars.speed[j]
     return states

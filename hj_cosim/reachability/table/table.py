@@ -12,7 +12,6 @@ from hj_cosim.reachability.games.contract import TWO_CARS, Game, HalfPlanes, Row
 from hj_cosim.reachability.games.highway.target import TargetFormula
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.solver.solver import SolveReport, state_limits
-from hj_cosim.reachability.table.cars import pair_states
 from hj_cosim.reachability.table.interpolation import interpolate
 from hj_cosim.reachability.table.lookup import TableArrays, deficits, values_and_gradients
 from hj_cosim.reachability.table.states import state_rows
@@ -157,24 +156,9 @@ class ValueTable:
         return np.vstack([values, self._half_planes(states, gradients)])
 
     @cached_property
-    def rows_of_cars(self) -> RowsOfCars:
-        """The function that makes the rows of all cars with V up to a bound, for kernels' arrays (`RowsOfCars`)."""
-        if self.game.closed_rows is not None:
-            return self.game.closed_rows(self.parameters)
-        return self._rows_from_flow
-
-    def _rows_from_flow(
-        self,
-        _: TableArrays,
-        robot: np.ndarray,
-        x: np.ndarray,
-        y: np.ndarray,
-        speed: np.ndarray,
-        values: np.ndarray,
-        bound: float,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        cars = np.flatnonzero(values <= bound)
-        return cars, self.rows(pair_states(robot, x, y, speed, cars))
+    def closed_rows(self) -> RowsOfCars | None:
+        """The game's own way to the rows of all cars, if it has one; `cars.rows_of_cars` takes it."""
+        return None if self.game.closed_rows is None else self.game.closed_rows(self.parameters)
 
     @cached_property
     def _half_planes(self) -> HalfPlanes:

@@ -14,6 +14,7 @@ from numba import njit
 from hj_cosim.reachability.games.contract import RowsOfCars
 from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed
 from hj_cosim.reachability.table.lookup import TableArrays, value_and_gradient_at
+from hj_cosim.scene.observation import Cars
 
 
 @njit(cache=True)
@@ -45,26 +46,24 @@ def worst_drift(gradient: np.ndarray, state: np.ndarray, other: Disturbance) -> 
 def _rows_of_cars(
     table: TableArrays,
     robot: np.ndarray,
-    x: np.ndarray,
-    y: np.ndarray,
-    speed: np.ndarray,
+    cars: Cars,
     values: np.ndarray,
     bound: float,
     other: Disturbance,
 ) -> tuple[np.ndarray, np.ndarray]:
-    cars, rows = np.empty(len(x), np.int64), np.empty((4, len(x)))
+    chosen, rows = np.empty(len(values), np.int64), np.empty((4, len(values)))
     state, gradient = np.empty(5), np.empty(5)
     count = 0
-    for j in range(len(x)):
+    for j in range(len(values)):
         if values[j] <= bound:
-            state[0], state[1] = robot[0] - x[j], robot[1] - y[j]
-            state[2], state[3], state[4] = robot[2], robot[3], speed[j]
+            state[0], state[1] = robot[0] - cars.x[j], robot[1] - cars.y[j]
+            state[2], state[3], state[4] = robot[2], robot[3], cars.speed[j]
             value_and_gradient_at(table, state[0], state[1], state[2], state[3], state[4], gradient)
-            cars[count] = j
+            chosen[count] = j
             rows[0, count], rows[1, count], rows[2, count] = values[j], gradient[2], gradient[3]
             rows[3, count] = worst_drift(gradient, state, other)
             count += 1
-    return cars[:count], rows[:, :count]
+    return chosen[:count], rows[:, :count]
 
 
 def closed_rows(parameters: Mapping[str, float]) -> RowsOfCars:
@@ -78,13 +77,11 @@ def closed_rows(parameters: Mapping[str, float]) -> RowsOfCars:
     def rows_of_cars(
         table: TableArrays,
         robot: np.ndarray,
-        x: np.ndarray,
-        y: np.ndarray,
-        speed: np.ndarray,
+        cars: Cars,
         values: np.ndarray,
         bound: float,
     ) -> tuple[np.ndarray, np.ndarray]:
-        cars, rows = _rows_of_cars(table, robot, x, y, speed, values, bound, other)
-        return cars, rows
+        chosen, rows = _rows_of_cars(table, robot, cars, values, bound, other)
+        return chosen, rows
 
     return rows_of_cars
