@@ -8,7 +8,8 @@ from filter_in_loop import ROBOT, FilterInLoop
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hj_cosim.reachability.games.highway.rows import Disturbance, worst_drift
+from hj_cosim.reachability.games.highway.other_car import Disturbance
+from hj_cosim.reachability.games.highway.rows import worst_drift
 from hj_cosim.reachability.table.lookup import value_and_gradient_at
 from hj_cosim.scene.observation import Control
 from hj_cosim.settings import FilterSettings
