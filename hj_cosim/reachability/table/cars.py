@@ -23,6 +23,26 @@ def car_values(table: ValueTable, observation: Observation) -> CarValues:
     return CarValues(value, gradient, least, nearest)
 
 
+def rows_of_cars(
+    table: ValueTable, observation: Observation, values: CarValues, bound: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cars with V up to a bound, (K,) int, and what a filter asks of its control about each, (4, K).
+
+    Those rows are V, the coefficients of ω and a, and c: see `ValueTable.half_planes`.
+
+    Args:
+        table: V over (p_x, p_y, θ_r, v_r, v_o).
+        observation: the robot and the cars.
+        values: V of the cars, `car_values`.
+        bound: m.
+    """
+    if table.closed_rows is not None:
+        return table.closed_rows(observation.robot, observation.cars, values.value, values.gradient, bound)
+    cars = np.flatnonzero(values.value <= bound)
+    states = pair_states(observation.robot, observation.cars, cars)
+    return cars, np.vstack([values.value[cars], table.half_planes(states, values.gradient[cars])])
+
+
 @njit(cache=True)
 def _car_values(
     table: TableArrays, robot: np.ndarray, x: np.ndarray, y: np.ndarray, heading: np.ndarray, speed: np.ndarray

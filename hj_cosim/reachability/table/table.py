@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hj_cosim.errors import StateError, TableError
-from hj_cosim.reachability.games.contract import TWO_CARS, Game, HalfPlanes
+from hj_cosim.reachability.games.contract import TWO_CARS, Game, HalfPlanes, RowsOfCars
 from hj_cosim.reachability.games.highway.target import TargetFormula
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.solver.solver import SolveReport, state_limits
@@ -154,6 +154,11 @@ class ValueTable:
         checked as other questions are, for a filter asks at every step: the states have to be right.
         """
         return self.game.half_planes(self.parameters, self.state_limits())
+
+    @cached_property
+    def closed_rows(self) -> RowsOfCars | None:
+        """The game's own way to the rows of all cars, if it has one; `cars.rows_of_cars` takes it."""
+        return None if self.game.closed_rows is None else self.game.closed_rows(self.parameters)
 
     def target_values(self, states: np.ndarray) -> np.ndarray:
         """Return V(0, ·), (N,), the formula itself, at `states` (N, n)."""
