@@ -53,7 +53,11 @@ class TrackingSettings(Settings):
 class PlannerSettings(Settings):
     """Optimistic planning and its reward (paper, section Planner Dynamics and Reward Function)."""
 
-    kind: Literal["hjop", "op", "idle"] = "hjop"
+    kind: str = Field(
+        "hjop",
+        description="hjop, op, idle, a name that a package registers, FILE.py:Class or package.module:Class",
+        examples=["hjop", "op", "idle"],
+    )
     gamma_r: float = Field(0.9, ge=0, le=1, description="weight of the driving reward in HJOP; OP has 1")
     value_clip: float = Field(8.0, gt=0, description="m, the HJI reward is clipped to ± this")
     expansions: int = Field(300, ge=1, le=1_000_000, description="node expansions per plan, some 4 to 6 ms of them")
@@ -74,6 +78,7 @@ class PlannerSettings(Settings):
     lane_change_time: float = Field(2.0, gt=0, description="s, in which the tracked robot gets one lane across")
     others_lane_change_time: float = Field(3.0, gt=0, description="s, in which the other cars do")
     speed_response: float = Field(0.6, gt=0, description="s, time constant of the tracked speed, 1/K_2")
+    options: dict[str, Any] = Field({}, description="settings that a planner of one's own brings")
 
     @model_validator(mode="after")
     def _speeds_are_ordered(self) -> "PlannerSettings":
@@ -104,7 +109,11 @@ class RssParameters(Settings):
 class FilterSettings(Settings):
     """The safety filter between the tracking controller and the robot."""
 
-    kind: Literal["spc", "rss", "none"] = "spc"
+    kind: str = Field(
+        "spc",
+        description="spc, rss, none, a name that a package registers, FILE.py:Class or package.module:Class",
+        examples=["spc", "rss", "none"],
+    )
     scheme: Literal["mi", "sw"] = "mi"
     epsilon: float = Field(2.0, ge=0, description="m, a car with V <= ε is in K")
     recovery: float = Field(
@@ -117,6 +126,7 @@ class FilterSettings(Settings):
     )
     solver: Backend = Field("daqp", description="quadprog may never end where many cars are at one place")
     rss: RssParameters = RssParameters(response_time=0.5, brake_min=4.0, brake_max=8.0)
+    options: dict[str, Any] = Field({}, description="settings that a filter of one's own brings")
 
 
 class SimulationSettings(Settings):
@@ -172,7 +182,10 @@ class DriverSettings(Settings):
 class NetworkSettings(Settings):
     """Which straight edge of which SUMO network is driven on."""
 
-    file: str = Field("four_lanes.net.xml", description="beside the scenario, in sumo_net/, or an absolute path")
+    file: str = Field(
+        "four_lanes.net.xml",
+        description="a .net.xml or .net.xml.gz beside the scenario, in sumo_net/, or an absolute path",
+    )
     edge: str = "highway"
 
 
@@ -297,6 +310,16 @@ class EpisodeConfig(Settings):
             )
         return self
 
+    @model_validator(mode="after")
+    def _robot_can_be_as_fast_as_it_starts(self) -> "EpisodeConfig":
+        start, most = self.scenario.robot.speed, self.robot.speed_max
+        if start > most:
+            raise ValueError(
+                f"scenario.robot.speed ({start:g} m/s) must not exceed robot.speed_max ({most:g} m/s);"
+                " start slower, or raise the robot's limit"
+            )
+        return self
+
     @model_validator(mode="before")
     @classmethod
     def _seed_is_the_scenarios(cls, data: Any) -> Any:
@@ -366,8 +389,14 @@ def parse_toml(text: str) -> dict[str, Any]:
     raise ValueError(too_deep)
 
 
-def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
+def validate(model: type[Model], data: Mapping[str, Any], source: str, table: str = "") -> Model:
     """Return `data` as `model`.
+
+    Args:
+        model: what it should be.
+        data: unchecked.
+        source: where it comes from, for the message.
+        table: the part of the model that the source states; in the message, keys in it are called as they are there.
 
     Raises:
         ConfigurationError: one sentence that names the source, the key, the value and what would be right.
@@ -376,13 +405,23 @@ def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
-        key = shown(".".join(str(part) for part in first["loc"]) or "the whole")
+        within = first["loc"][:1] == (table,)
+        key = shown(_key_in_toml(first["loc"][1:] if within else first["loc"]) or "the whole")
         if first["type"] == "extra_forbidden":
             known = ", ".join(_fields_at(model, first["loc"][:-1]))
             raise ConfigurationError(f"{source}: unknown key {key!r}; known keys are {known}") from error
         reason = first["msg"].removeprefix("Value error, ")
         given = "" if first["type"] in ("missing", "value_error") else f" = {shown(repr(first['input']))}"
         raise ConfigurationError(f"{source}: {key}{given}: {reason[:1].lower()}{reason[1:]}") from error
+
+
+def _key_in_toml(location: tuple[int | str, ...]) -> str:
+    """Return a place within a model as one finds it in TOML: `traffic.count`, or `[[cars]] entry 1, lane`."""
+    for depth, part in enumerate(location):
+        if isinstance(part, int):
+            array, rest = ".".join(map(str, location[:depth])), _key_in_toml(location[depth + 1 :])
+            return f"[[{array}]] entry {part + 1}, {rest}" if rest else f"{array}, entry {part + 1}"
+    return ".".join(map(str, location))
 
 
 def shown(text: str) -> str:

@@ -7,6 +7,7 @@ import pytest
 
 from hj_cosim.cli.commands import main
 from hj_cosim.locations import specifications_folder
+from hj_cosim.reachability.table.store import save_table
 
 # Each case: what --set is given, and what the answer must name beside the key and the value.
 ASSIGNMENTS = {
@@ -28,7 +29,7 @@ ASSIGNMENTS = {
     "tracking.k_theta=0": "greater than 0",
     "tracking.k_1=nan": "finite number",
     "tracking.k_3=1": "unknown key 'tracking.k_3'",
-    "planner.kind=dijkstra": "'hjop', 'op' or 'idle'",
+    "planner.kind=dijkstra": "choose one of hjop, op, idle",
     "planner.gamma_r=1.1": "less than or equal to 1",
     "planner.gamma_r=-0.1": "greater than or equal to 0",
     "planner.value_clip=0": "greater than 0",
@@ -42,7 +43,7 @@ ASSIGNMENTS = {
     "planner.sensing_range=-5": "greater than 0",
     "planner.budget=10": "unknown key 'planner.budget'",
     "planner=fast": "planner",
-    "filter.kind=cbf": "'spc', 'rss' or 'none'",
+    "filter.kind=cbf": "choose one of spc, rss, none",
     "filter.scheme=both": "'mi' or 'sw'",
     "filter.epsilon=-1": "greater than or equal to 0",
     "filter.slack_weight=0": "greater than 0",
@@ -292,7 +293,7 @@ def test_broken_table(refused, tmp_path, small_specification, small_table, damag
     mine = tmp_path / "mine.toml"
     shutil.copy(small_specification, mine)
     table = mine.with_suffix(".npz")
-    small_table.save(table)
+    save_table(small_table, table)
     content = bytearray(table.read_bytes())
     if damage == "truncated":
         content = content[: len(content) // 2]

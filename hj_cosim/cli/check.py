@@ -35,7 +35,7 @@ def check(
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Attack the filter: search for what another car, and the planner, could do that hurts most."""
-    from hj_cosim.reachability.table.table import load_table
+    from hj_cosim.reachability.table.store import load_table
     from hj_cosim.settings import FilterSettings
     from hj_cosim.verification.adversary import DESIRED, AdversarySettings, search_adversary
 

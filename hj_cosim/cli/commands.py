@@ -55,8 +55,8 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 @app.command(epilog=_example("hj-cosim run dense --planner op --seed 3 --set planner.expansions=200"))
 def run(
     scenario: Scenario = "paper",
-    planner: Annotated[str | None, typer.Option(help="hjop, op or idle.")] = None,
-    filter: Annotated[str | None, typer.Option(help="spc, rss or none.")] = None,
+    planner: Annotated[str | None, typer.Option(help="hjop, op, idle, or FILE.py:Class of your own.")] = None,
+    filter: Annotated[str | None, typer.Option(help="spc, rss, none, or FILE.py:Class of your own.")] = None,
     scheme: Annotated[str | None, typer.Option(help="mi (minimally interventional) or sw (switching).")] = None,
     preset: Annotated[str, typer.Option(help="best or paper.")] = "best",
     seed: Annotated[int | None, typer.Option(help="Seed of the traffic; the scenario's, or 0.")] = None,
@@ -70,7 +70,7 @@ def run(
     """Drive one episode and write its folder."""
     from hj_cosim.cosim.configuration import resolve_config, stack_flags
     from hj_cosim.cosim.episode import draw_episode, new_run_folder, run_in_sumo, write_episode
-    from hj_cosim.reachability.table.table import load_table
+    from hj_cosim.reachability.table.store import load_table
     from hj_cosim.recording.run_folder import require_free_folder
 
     flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
@@ -81,7 +81,8 @@ def run(
     if not verbose:
         logging.getLogger("hj_cosim").addHandler(warnings)
     with progress_bars() as bars:
-        value_table = load_table(config.table, bar(bars, f"solving table {config.table}"))
+        solving = bar(bars, f"solving table {config.table}")
+        value_table = load_table(config.table, solving, robot=config.robot, announce=messages.print)
         episode = run_in_sumo(config, value_table, bar(bars, f"driving {config.scenario.name}"))
         drawn = bar(bars, "writing and drawing")
         drawn(0, 2)
@@ -250,7 +251,7 @@ def table_solve(
 ) -> None:
     """Solve a value table and write it."""
     from hj_cosim.reachability.table.catalogue import changed_specification
-    from hj_cosim.reachability.table.table import find_specification, solve_table, table_path
+    from hj_cosim.reachability.table.store import find_specification, save_table, solve_table, table_path
 
     path = find_specification(specification)
     if out is None and (shape or scheme):
@@ -260,7 +261,7 @@ def table_solve(
     require_writable(target)
     with progress_bars() as bars:
         table = solve_table(changed, bar(bars, f"solving table {path.stem}"))
-    table.save(target)
+    save_table(table, target)
     _show_report(table, target, as_json)
 
 
@@ -283,19 +284,26 @@ def table_list(as_json: Json = False) -> None:
 @table_app.command("show", epilog=_example("hj-cosim table show highway --out slices.png"))
 def table_show(
     specification: Specification,
-    out: Annotated[Path | None, typer.Option(help="Where to draw slices; runs/<name>-slices.png by default.")] = None,
+    over: Annotated[str, typer.Option(metavar="NAME,NAME", help="Two state variables; the first by default.")] = "",
+    hold: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Where another is held; mid-grid by default.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Where to draw it; runs/figures/<name>-slices by default.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Print how a table was solved, and draw slices of it, the paper's among them."""
+    """Print how a table was solved, and draw a slice of it, of the highway game the paper's."""
     from hj_cosim.analysis.figures.style import save_drawing
     from hj_cosim.analysis.figures.value_slice import value_slice
-    from hj_cosim.reachability.table.table import find_specification, load_table, table_path
+    from hj_cosim.reachability.table.slices import parse_held
+    from hj_cosim.reachability.table.store import find_specification, load_table, table_path
 
     path = find_specification(specification)
+    held = parse_held(hold or ())
     with progress_bars() as bars:
         table = load_table(specification, bar(bars, f"solving table {path.stem}"))
+    drawing = value_slice(table, held, over=[name.strip() for name in over.split(",")] if over else ())
     _show_report(table, table_path(path), as_json)
-    written = save_drawing(value_slice(table), out or runs_folder() / "figures" / f"{path.stem}-slices")
+    written = save_drawing(drawing, out or runs_folder() / "figures" / f"{path.stem}-slices")
     if not as_json:
         _print_files(written, as_json)
 
@@ -309,7 +317,7 @@ def table_check(
 ) -> None:
     """Measure how good a table is: converged, near finer ones, and keeping its promise in closed loop."""
     from hj_cosim.cli.quality import quality_tables
-    from hj_cosim.reachability.table.table import load_table
+    from hj_cosim.reachability.table.store import load_table
     from hj_cosim.settings import FilterSettings
     from hj_cosim.verification.guarantee import RolloutSettings, measure_guarantee
     from hj_cosim.verification.table_quality import check_table
@@ -318,7 +326,7 @@ def table_check(
         table = load_table(specification, bar(bars, f"solving table {specification}"))
         quality = check_table(table, rollouts=rollouts, seconds=seconds, progress=bar(bars, "solving finer tables"))
     found: dict[str, Any] = {"table": asdict(quality)}
-    if table.dynamics.name == "highway":  # the safety filter drives in no other game
+    if table.game.manoeuvres is not None:  # the filter is played out in the highway game alone
         games = {
             "game": (RolloutSettings(rollouts=rollouts), FilterSettings(keep_escape=True)),
             "bicycle": (RolloutSettings(rollouts=rollouts, model="bicycle"), FilterSettings(keep_escape=True)),

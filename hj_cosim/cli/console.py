@@ -17,6 +17,7 @@ results = Console()
 
 # What a summary shows, in this order: key, what it is, unit, format.
 _SUMMARY_ROWS = (
+    ("ended", "ended by", "", "s"),
     ("mean_speed", "mean speed", "m/s", ".2f"),
     ("distance", "distance", "m", ".0f"),
     ("lane_changes", "lane changes", "", "d"),

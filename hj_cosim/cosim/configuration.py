@@ -7,6 +7,7 @@ import tomli_w
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import scenarios_folder
+from hj_cosim.plugins import FILTER, PLANNER, find_plugin, options_of, whole_reference
 from hj_cosim.settings import PRESETS, DriverSettings, EpisodeConfig, overlay, parse_assignment, shown, validate
 from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.sources.placement import initial_traffic
@@ -30,6 +31,7 @@ def resolve_config(
 
     Raises:
         ConfigurationError: if anything is unknown, of the wrong type, or out of range.
+        PluginError: if a planner or a filter of one's own cannot be imported.
         NetworkError, ScenarioError: if the road cannot be used, or the cars do not fit on it.
     """
     if preset not in PRESETS:
@@ -39,15 +41,31 @@ def resolve_config(
     data = overlay(data, PRESETS[preset])
     data = overlay(data, {"scenario": scenario_data(scenario)})
     # Each layer is checked before the next is laid over it, so that each is named for its own mistakes.
-    config = validate(EpisodeConfig, data, str(scenario_path(scenario)))
+    config = validate(EpisodeConfig, data, str(scenario_path(scenario)), table="scenario")
     data = overlay(data, {"scenario": {"network": {"file": _network_file(config, scenario)}}})
     layers = [("the command line", flags or {})]
     layers += [(f"--set {shown(assignment)}", parse_assignment(assignment)) for assignment in assignments]
     for source, layer in layers:
         data = overlay(data, layer)
         config = validate(EpisodeConfig, data, source)
+    config = _with_plugins(config)
     _require_room(config)
     return config
+
+
+def _with_plugins(config: EpisodeConfig) -> EpisodeConfig:
+    """Return the configuration with whole references to planner and filter, and their options in full.
+
+    Raises:
+        ConfigurationError, PluginError: if there is no such planner or filter, or its options are wrong.
+    """
+    changed: dict[str, Any] = {}
+    for kind, settings in ((PLANNER, config.planner), (FILTER, config.filter)):
+        reference = whole_reference(kind, settings.kind)
+        options = options_of(kind, find_plugin(kind, reference), settings.options)
+        full = {} if options is None else options.model_dump(mode="json", exclude_none=True)
+        changed[kind.noun] = settings.model_copy(update={"kind": reference, "options": full})
+    return config.model_copy(update=changed)
 
 
 def _require_room(config: EpisodeConfig) -> None:

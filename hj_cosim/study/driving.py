@@ -7,11 +7,11 @@ import pyarrow.parquet as pq
 
 from hj_cosim.cosim.configuration import config_toml
 from hj_cosim.cosim.episode import Episode, run_in_sumo, write_episode
-from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.reachability.table.store import read_table
 from hj_cosim.recording.run_folder import CONFIG, FIGURES, ROBOT, SUMMARY, robot_table, summary_text, whole_folder
 from hj_cosim.study.jobs import EpisodeJob
 
-_load_table = cache(ValueTable.load)  # once a process
+_load_table = cache(read_table)  # once a process
 
 
 def drive_episode(job: EpisodeJob) -> None:

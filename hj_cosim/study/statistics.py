@@ -33,7 +33,7 @@ _PER_EPISODE = ("distance", "lane_changes", "time_value_le_0", "headway_p10", "d
 COLLISION_EPISODES = "collision_episodes"
 # Facts about an episode that are no result of it, and what depends on the machine.
 _NOT_METRICS = (
-    *("planner", "filter", "scheme", "seed", "scenario", "duration", "samples"),
+    *("planner", "filter", "scheme", "seed", "scenario", "duration", "ended", "samples"),
     *("wall_seconds", "real_time_factor"),
 )
 

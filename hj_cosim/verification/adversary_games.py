@@ -1,7 +1,7 @@
 """The adversary's search, one game after the other: the jitted part of `adversary`.
 
 A game is filtered by SPC and keeps an escape as the guarantee's rollouts do (`filter_games`). What the adversary
-chooses goes from −1 to 1 and is mapped to what the game grants in the state that it meets (`granted`), so that limits
+chooses goes from −1 to 1 and is mapped to what the game grants in the state that it meets (`allowed`), so that limits
 that depend on the state need no other search.
 """
 
@@ -14,7 +14,9 @@ from numba import njit
 from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.control.problem.safety_problem import available_controls
 from hj_cosim.control.spc.escape import NO_ESCAPE, NO_MANOEUVRE, is_to_be_looked_at, keep_escape
-from hj_cosim.reachability.games.highway.rows import Disturbance, recovery_rate, worst_drift
+from hj_cosim.control.spc.recovery import recovery_rate
+from hj_cosim.reachability.games.highway.other_car import allowed
+from hj_cosim.reachability.games.highway.rows import worst_drift
 from hj_cosim.reachability.games.highway.target import target_at
 from hj_cosim.reachability.table.lookup import value_and_gradient_at
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
@@ -49,18 +51,6 @@ class Outcome(NamedTuple):
     least_value: float  # m, of V as looked up
     collided: bool
     without_escape: bool  # at some instant no manoeuvre escaped
-
-
-@njit(cache=True)
-def granted(other: Disturbance, robot: np.ndarray, car: np.ndarray) -> tuple[float, float, float, float]:
-    """Return what the game grants the other car: lower and upper θ_o, rad, and a_o, m/s².
-
-    Args:
-        other: its limits.
-        robot: (4,) p_x, p_y, θ, v.
-        car: (3,) x, y, v of the other car.
-    """
-    return -other.heading_max, other.heading_max, other.acceleration_min, other.acceleration_max
 
 
 @njit(cache=True)
@@ -106,7 +96,8 @@ def _filtered(
     omega, acceleration = min(max(asked[0], box[0]), box[1]), min(max(asked[1], box[2]), box[3])
     in_k = value <= game.epsilon
     if in_k:
-        drift = worst_drift(gradient, robot[2], robot[3], car[2], game.other)
+        state = np.array([p_x, p_y, robot[2], robot[3], car[2]])
+        drift = worst_drift(gradient, state, game.other)
         drift -= recovery_rate(value, game.epsilon, game.recovery)
         p, q, c = gradient[2:3].copy(), gradient[3:4].copy(), np.array([drift])
         wanted = previous_omega if game.slack_is_free else omega
@@ -154,7 +145,7 @@ def roll_out_choices(game: Game, search: Search, start: np.ndarray, choices: np.
         if sample == search.samples or collided:
             break
         previous_omega = omega
-        limits = granted(game.other, robot, car)
+        limits = allowed(game.other, p_x, p_y, robot[3], car[2])
         heading, gain = _between(choice[0], limits[0], limits[1]), _between(choice[1], limits[2], limits[3])
         end = min(max(car[2] + gain * game.step, 0.0), game.other_speed_max)
         driven_way = 0.5 * (car[2] + end) * game.step

@@ -13,8 +13,10 @@ from numba import njit
 from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.control.problem.safety_problem import available_controls
 from hj_cosim.control.spc.escape import NO_MANOEUVRE, Extent, is_to_be_looked_at, keep_escape
+from hj_cosim.control.spc.recovery import recovery_rate
 from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres
-from hj_cosim.reachability.games.highway.rows import Disturbance, recovery_rate, worst_drift
+from hj_cosim.reachability.games.highway.other_car import Disturbance
+from hj_cosim.reachability.games.highway.rows import worst_drift
 from hj_cosim.reachability.table.lookup import TableArrays, shift_of_grid, value_and_gradient_at
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 from hj_cosim.vehicles.idm import idm_acceleration
@@ -103,6 +105,15 @@ def bodies_overlap(p_x: float, p_y: float, theta: float, length: float, width: f
 
 
 @njit(cache=True)
+def where_bodies_overlap(states: np.ndarray, length: float, width: float) -> np.ndarray:
+    """Return at which relative states (n, 5) they do, (n,) bool."""
+    found = np.empty(len(states), np.bool_)
+    for i in range(len(states)):
+        found[i] = bodies_overlap(states[i, 0], states[i, 1], states[i, 2], length, width)
+    return found
+
+
+@njit(cache=True)
 def _desired_control(
     game: Game, desire: int, sample: int, heading: float, slope: np.ndarray, random: np.ndarray
 ) -> tuple[float, float]:
@@ -164,7 +175,7 @@ def _roll_out(
                 near += 1
             if in_k[j]:
                 p[count], q[count] = gradients[j, 2], gradients[j, 3]
-                c[count] = worst_drift(gradients[j], robot[2], robot[3], others[j, 2], game.other)
+                c[count] = worst_drift(gradients[j], relative, game.other)
                 c[count] -= recovery_rate(value, game.epsilon, game.recovery)
                 count += 1
         if sample == samples:

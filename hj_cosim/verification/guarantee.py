@@ -31,11 +31,19 @@ from hj_cosim.control.problem.safety_problem import SafetyWeights
 from hj_cosim.control.spc.escape import Extent, can_escape, manoeuvres_for
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
-from hj_cosim.reachability.games.highway.rows import Disturbance
+from hj_cosim.reachability.games.highway.other_car import Disturbance
 from hj_cosim.reachability.solver.solver import Progress
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import FilterSettings, RobotSettings, TrackingSettings
-from hj_cosim.verification.filter_games import COLLIDE, CRUISE, RANDOM, RANDOM_HOLD, Game, roll_out_all
+from hj_cosim.verification.filter_games import (
+    COLLIDE,
+    CRUISE,
+    RANDOM,
+    RANDOM_HOLD,
+    Game,
+    roll_out_all,
+    where_bodies_overlap,
+)
 
 Desire = Literal["cruise", "random", "collide"]
 Model = Literal["game", "bicycle"]
@@ -117,7 +125,7 @@ def measure_guarantee(
     generator = np.random.default_rng(settings.seed)
     robots, others = _starts(table, game, settings, generator)
     holds = math.ceil(settings.duration / settings.step / RANDOM_HOLD)
-    if table.is_highway:
+    if table.game.manoeuvres is not None:
         escapes = can_escape(manoeuvres_for(table, robot), robots, others)
     else:
         escapes = np.ones(len(robots), bool)
@@ -154,7 +162,7 @@ def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, r
         epsilon=spc.epsilon,
         recovery=spc.recovery,
         step=settings.step,
-        other=Disturbance.of(table),
+        other=Disturbance.of_game(table.parameters),
         extent=Extent.of(table),
         manoeuvres=manoeuvres_for(table, robot) if spc.keep_escape else NO_MANOEUVRES,
         driver=np.array([0.0, 3.0, 5.0, 1.5, 5.0, 4.0]),  # SPEC section 4's means; the desired speed is each car's own
@@ -245,29 +253,18 @@ def _simulate_and_judge(
     in_k = np.isfinite(slack)
     return _Judged(
         fall=np.maximum(game.epsilon - values.min(axis=(1, 2)), 0.0),
-        collided=int(_bodies_overlap(states, game).any(axis=(1, 2)).sum()),
-        collided_unturned=int(_bodies_overlap(states * [1, 1, 0, 1, 1], game).any(axis=(1, 2)).sum()),
+        collided=_collided(states, game),
+        collided_unturned=_collided(states * [1, 1, 0, 1, 1], game),
         causes=np.array(causes, dtype=int),
         in_k=int(in_k.sum()),
         unmet=int((slack[in_k] > 1e-6).sum()),
     )
 
 
-def _bodies_overlap(states: np.ndarray, game: Game) -> np.ndarray:
-    """Return where the robot's rectangle, turned by θ, overlaps the other car's, which lies along the road.
-
-    By the separating axis theorem; `states` (..., 5).
-    """
-    cos, sin = np.cos(states[..., 2]), np.sin(states[..., 2])
-    reach_along = 0.5 * (game.length + game.length * cos + game.width * np.abs(sin))
-    reach_across = 0.5 * (game.width + game.length * np.abs(sin) + game.width * cos)
-    x, y = states[..., 0], states[..., 1]
-    return (
-        (np.abs(x) < reach_along)
-        & (np.abs(y) < reach_across)
-        & (np.abs(x * cos + y * sin) < reach_along)
-        & (np.abs(y * cos - x * sin) < reach_across)
-    )
+def _collided(states: np.ndarray, game: Game) -> int:
+    """Return in how many of the rollouts, (n, samples, cars, 5), bodies overlap."""
+    overlap = where_bodies_overlap(states.reshape(-1, 5), game.length, game.width)
+    return int(overlap.reshape(len(states), -1).any(axis=1).sum())
 
 
 def _cause(value: np.ndarray, target: np.ndarray, slack: np.ndarray, game: Game) -> int:

@@ -5,7 +5,7 @@ from time import perf_counter
 
 import pytest
 
-from hj_cosim.reachability.table.table import load_table
+from hj_cosim.reachability.table.store import load_table
 from hj_cosim.settings import FilterSettings
 from hj_cosim.verification.adversary import DESIRED, AdversarySettings, search_adversary
 

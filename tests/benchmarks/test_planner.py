@@ -11,10 +11,12 @@ import pytest
 
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import run_in_sumo
+from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.optimistic.planner import OptimisticPlanner
-from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.reachability.table.store import load_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation, Target
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 from hj_cosim.traffic.sources.scenarios import load_scenario
 from hj_cosim.traffic.sumo.world import SumoWorld
@@ -60,7 +62,7 @@ def scene(seed: int, cars: int, reach: float, spacing: float = 14.0) -> Observat
 
 
 def planner_for(table: ValueTable, **settings) -> OptimisticPlanner:
-    return OptimisticPlanner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), Road(4), table)
+    return make_planner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), StraightRoad(4), table)
 
 
 @pytest.mark.parametrize(("cars", "reach"), [(11, 110.0), (100, 500.0)])
@@ -165,7 +167,7 @@ def prediction_errors(name: str, seed: int, seconds: int = 15) -> Iterator[tuple
     table = load_table("highway")
     with SumoWorld(scenario, RobotSettings(), seed) as world:
         world.settle(3.0)
-        planner = OptimisticPlanner(
+        planner = make_planner(
             PlannerSettings(kind="op", expansions=1), RobotSettings(), scenario.drivers, world.road, table
         )
         seen, predicted = [], {}
@@ -173,7 +175,7 @@ def prediction_errors(name: str, seed: int, seconds: int = 15) -> Iterator[tuple
             now = world.observe()
             if step % 50 == 0:
                 seen.append((now.vehicle.copy(), now.x.copy()))
-                target = Target(world.road.lane_at(now.robot[1]), float(now.robot[3]))
+                target = Target(world.road.lane_at(now.robot[1], now.robot[0]), float(now.robot[3]))
                 predicted[step // 50] = planner.predict(now, target, [0, 0, 0])
             x, y, _, speed = now.robot
             world.step(np.array([x + 0.02 * speed, y, 0.0, speed]), 0.0)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from hj_cosim.planning.contract import IDLE
 from hj_cosim.planning.optimistic.planner import OptimisticPlanner
-from hj_cosim.planning.optimistic.tree_search import IDLE
 from hj_cosim.scene.observation import Target
 from hj_cosim.settings import PlannerSettings, RobotSettings
 from hj_cosim.traffic.sources.scenarios import load_scenario
@@ -34,7 +34,7 @@ def errors(small_table):
                         _, here, there = np.intersect1d(path.vehicle, seen.vehicle, return_indices=True)
                         wrong = path.x[ahead, here] - seen.x[there], path.speed[ahead, here] - seen.speed[there]
                         collected[ahead].append(np.column_stack(wrong))
-                target = Target(world.road.lane_at(seen.robot[1]), float(seen.robot[3]))
+                target = Target(world.road.lane_at(seen.robot[1], seen.robot[0]), float(seen.robot[3]))
                 predictions.append(planner.predict(seen, target, [IDLE] * 3))
             x, y, _, speed = seen.robot
             world.step(np.array([x + speed * STEP, y, 0.0, speed]), 0.0)

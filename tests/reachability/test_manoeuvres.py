@@ -5,7 +5,8 @@ from fine_simulation import guaranteed_by_simulation
 from hj_cosim.control.spc.escape import RESERVE
 from hj_cosim.errors import TableError
 from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres, least_between, lower_bounds
-from hj_cosim.reachability.table.table import ValueTable, solve_table
+from hj_cosim.reachability.table.store import solve_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import TableSpecification
 
 STEP, DURATION = 0.01, 7.9  # s; of the brute force
@@ -176,7 +177,7 @@ def test_a_bound_is_never_above_a_fine_simulation_and_hardly_below_it(small_tabl
 
 
 def test_other_games_have_no_manoeuvres(braking: TableSpecification):
-    with pytest.raises(TableError, match="there are no manoeuvres for double_integrator"):
+    with pytest.raises(TableError, match="no manoeuvres are known for the game double_integrator"):
         solve_table(braking).manoeuvres()
 
 

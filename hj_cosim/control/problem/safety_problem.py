@@ -25,6 +25,8 @@ _NARROWEST = 1e-3  # rad/s, m/s²; half a box that leaves no choice has to be sc
 TIE_WEIGHT = 1e-6  # of λ_1, λ_2 after scaling by ω̄ and ā
 # An answer is refused when it misses a row or the box by more than this (in a row's units, relative to the slack).
 FEASIBILITY_TOLERANCE = 1e-4
+# A row with a larger coefficient comes from a broken table; squares of smaller ones do not overflow in any solver.
+LARGEST_COEFFICIENT = 1e12
 # The last resort, and the solver inside jitted rollouts.
 ENUMERATION = "enumeration"
 # In MI the desired control is the solution, of cost 0, where it lies in the box and meets all rows.
@@ -61,9 +63,17 @@ class SafetyRows:
     def __len__(self) -> int:
         return len(self.p)
 
+    @property
+    def are_possible(self) -> bool:
+        """Whether every number is one, and none larger than a sound table's."""
+        return all(np.abs(numbers).max(initial=0.0) <= LARGEST_COEFFICIENT for numbers in (self.p, self.q, self.c))
+
     def margins(self, omega: float, acceleration: float) -> np.ndarray:
         """Return p ω + q a + c, (K,): negative where a control violates a row."""
         return self.p * omega + self.q * acceleration + self.c
+
+
+NO_ROWS = SafetyRows(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -269,15 +279,6 @@ class SafetySolver:
                 np.array([box[1] / self._scale[0], box[3] / self._scale[1], math.inf]),
             )
         return self._bounds
-
-    def objective(self, rows: SafetyRows, desired: tuple[float, float], control: tuple[float, float]) -> float:
-        """Return the cost of a control (ω, a), with the t that it needs; `desired` likewise."""
-        needed = -float(rows.margins(*control).min())
-        return (
-            self.weights.omega * (control[0] - desired[0]) ** 2
-            + self.weights.acceleration * (control[1] - desired[1]) ** 2
-            + self.weights.slack * (needed if self.weights.slack_is_free else max(needed, 0.0))
-        )
 
     def _answer_of(
         self,
