@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -141,34 +142,73 @@ _STUDY_COLUMNS = (
     ("intervention_percent", "interv.", ".1f"),
 )
 _WIDE = 110  # columns of a terminal in which the intervals have room
+# What is left out of a narrow terminal first, so that names stay whole; table.csv has it all.
+_DISPENSABLE = ("ttc_p10", "stn_le_1", "btn_le_1", "intervention_percent", "mean_abs_acceleration", "ttc_ge_3")
 
 
 def show_study(study: Any) -> None:
     """Print a study's table: ours, its 95 % interval where the terminal is wide enough, and the paper's number.
 
+    The paper's stands only beside its own stacks in its own traffic. Names are never broken; where there is no room for
+    all metrics, some are left out.
+
     Args:
         study: a `study.study.Study`.
     """
-    wide = results.width >= _WIDE
-    factors = list(study.table.columns[: study.table.columns.get_loc("episodes")])
-    paper = {tuple(row[name] for name in factors): row for row in study.comparison.to_dict("records")}
-    legend = "ours, its 95 % interval over episodes, the paper's" if wide else "ours, and the paper's below"
-    table = Table(title=legend, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("scenario and stack", overflow="fold")
-    for heading in [*(heading for _, heading, _ in _STUDY_COLUMNS), "crashed"]:
-        table.add_column(heading, justify="right")
-    for row in study.table.to_dict("records"):
-        row_factors = tuple(row[name] for name in factors)
-        cells = [_study_cell(row, paper.get(row_factors), key, form, wide) for key, _, form in _STUDY_COLUMNS]
-        crashed = f"{row['collision_episodes']:.0f} of {row['episodes']}"
-        table.add_row(" ".join(map(str, row_factors)), *cells, crashed)
+    shown = [key for key, _, _ in _STUDY_COLUMNS]
+    table = _study_table(study, shown)
+    for key in _DISPENSABLE:
+        if table.__rich_measure__(results, results.options.update(width=_UNBOUNDED)).maximum <= results.width:
+            break
+        shown.remove(key)
+        table = _study_table(study, shown)
     results.print(table)
+    if len(shown) < len(_STUDY_COLUMNS):
+        results.print("[dim]more metrics than have room here are in table.csv[/dim]")
     for failure in study.failures:
         messages.print(f"missing: {failure.stack}, seed {failure.seed}: {failure.reason} (log: {failure.log})")
     results.print(f"Everything is in [bold]{study.folder}[/bold]")
 
 
+_UNBOUNDED = 10_000  # columns, to measure a table in
+
+
+def _study_table(study: Any, metrics: Sequence[str]) -> Table:
+    wide = results.width >= _WIDE
+    factors = list(study.table.columns[: study.table.columns.get_loc("episodes")])
+    paper = {tuple(row[name] for name in factors): row for row in study.comparison.to_dict("records")}
+    columns = [column for column in _STUDY_COLUMNS if column[0] in metrics and column[0] in study.table]
+    table = Table(title=_study_legend(study, wide), box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("stack", no_wrap=True)
+    for heading in [*(heading for _, heading, _ in columns), "crashed"]:
+        table.add_column(heading, justify="right")
+    varying = [name for name in factors[:-3] if study.table[name].nunique() > 1]
+    for row in study.table.to_dict("records"):
+        row_paper = paper.get(tuple(row[name] for name in factors))
+        cells = [_study_cell(row, row_paper, key, form, wide) for key, _, form in columns]
+        crashed = "–" if row["episodes"] == 0 else f"{row['collision_episodes']:.0f} of {row['episodes']}"
+        table.add_row(_row_name(row, varying), *cells, crashed)
+    return table
+
+
+def _study_legend(study: Any, wide: bool) -> str:
+    parts = [", ".join(dict.fromkeys(study.table["scenario"])) + ": ours"]
+    parts += ["its 95 % interval over episodes"] if wide else []
+    if len(study.comparison):
+        parts.append("and the paper's below")
+    return escape(", ".join(parts))
+
+
+def _row_name(row: Mapping[str, Any], varying: Sequence[str]) -> str:
+    """Return a row's stack, and on lines of their own what else tells it from the others."""
+    stack = "-".join(str(row[name]) for name in ("planner", "filter", "scheme") if row[name] != "-")
+    others = [str(row[name]) if name == "scenario" else f"{name}={row[name]}" for name in varying]
+    return escape("\n".join([stack, *others]))
+
+
 def _study_cell(ours: Mapping[str, Any], paper: Mapping[str, Any] | None, key: str, form: str, wide: bool) -> str:
+    if math.isnan(ours[key]):
+        return "–"
     lines = [f"{ours[key]:{form}}"]
     if wide:
         lines.append(f"{ours[f'{key}_lo']:{form}}–{ours[f'{key}_hi']:{form}}")

@@ -30,7 +30,7 @@ from hj_cosim.reachability.table.cars import car_values
 from hj_cosim.reachability.table.store import load_table, require_robot
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import COLLISION, DURATION, RunRecord
-from hj_cosim.recording.run_folder import FIGURES, read_run, require_free_folder, write_run
+from hj_cosim.recording.run_folder import FIGURES, Keep, read_run, require_free_folder, write_run
 from hj_cosim.scene.observation import FARTHEST, Observation, Target, is_possible
 from hj_cosim.settings import EpisodeConfig
 from hj_cosim.traffic.contract import World
@@ -209,13 +209,18 @@ def new_run_folder(config: EpisodeConfig) -> Path:
     return next(folder for folder in folders if not folder.exists())
 
 
-def write_episode(episode: Episode, folder: Path) -> None:
-    """Write an episode's run folder (SPEC section 2), all of it or nothing.
+def write_episode(episode: Episode, folder: Path, keep: Keep = "all") -> None:
+    """Write an episode's run folder, all of it or nothing.
+
+    Args:
+        episode: what was driven.
+        folder: must not exist yet, or be empty.
+        keep: as `recording.run_folder.write_run` takes it.
 
     Raises:
         RunFolderError: if `folder` already holds something, or cannot be written.
     """
-    write_run(folder, episode.record, config_toml(episode.config), episode.summary, episode.drivers)
+    write_run(folder, episode.record, config_toml(episode.config), episode.summary, episode.drivers, keep)
 
 
 def draw_episode(folder: Path) -> list[Path]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -38,6 +38,8 @@ ROBOT = "robot.parquet"
 SUMMARY = "summary.json"
 DRIVERS = "drivers.parquet"
 FIGURES = "figures"
+
+Keep = Literal["all", "robot"]  # everything that a run folder holds, or all but the cars' trajectories
 
 ROWS_PER_GROUP = 1 << 17  # written and read at a time, so that a long drive of many cars needs little memory
 _TRAFFIC_FLOATS = ("x", "y", "heading", "speed", "acceleration")
@@ -100,6 +102,7 @@ def write_run(
     config_text: str,
     summary: Mapping[str, Any],
     drivers: np.ndarray | None = None,
+    keep: Keep = "all",
 ) -> None:
     """Write a run's folder, without its figures; all of it or nothing.
 
@@ -109,13 +112,15 @@ def write_run(
         config_text: the resolved configuration as TOML.
         summary: as `analysis.summary.summarize` returns it.
         drivers: (J, 6) IDM parameters of the cars, in the order of vehicles.idm; drivers.parquet unless None.
+        keep: `all`, or everything but trajectories.parquet, which is nearly all of the size (`robot`).
 
     Raises:
         RunFolderError: if `folder` already holds something, or cannot be written.
     """
     with whole_folder(folder) as temporary:
         (temporary / CONFIG).write_text(config_text, encoding="utf-8")
-        write_trajectories(temporary / TRAJECTORIES, record)
+        if keep == "all":
+            write_trajectories(temporary / TRAJECTORIES, record)
         _write_table(temporary / ROBOT, robot_table(record))
         if drivers is not None:
             _write_table(temporary / DRIVERS, driver_table(record.traffic.names, drivers))
