@@ -35,3 +35,7 @@ class OutputError(HjCosimError):
 
 class WorkerError(HjCosimError):
     """The processes or the cluster that drive a study's episodes cannot be started or reached."""
+
+
+class MetricError(HjCosimError):
+    """A metric is written that is not declared, or asked for under a name that none has."""

@@ -70,13 +70,28 @@ def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
-        key = shown(".".join(str(part) for part in first["loc"]) or "the whole")
         if first["type"] == "extra_forbidden":
             known = ", ".join(_fields_at(model, first["loc"][:-1]))
-            raise ConfigurationError(f"{source}: unknown key {key!r}; known keys are {known}") from error
+            key = _as_written(first["loc"], quoted=True)
+            raise ConfigurationError(f"{source}: unknown key {key}; known keys are {known}") from error
+        key = _as_written(first["loc"])
         reason = first["msg"].removeprefix("Value error, ")
         given = "" if first["type"] in ("missing", "value_error") else f" = {shown(repr(first['input']))}"
         raise ConfigurationError(f"{source}: {key}{given}: {reason[:1].lower()}{reason[1:]}") from error
+
+
+def _as_written(location: tuple[int | str, ...], *, quoted: bool = False) -> str:
+    """Return a place within a model as TOML has it: `planner.gamma_r`, or `x in [[cars]] number 2`."""
+    if not location:
+        return "the whole"
+    numbers = [place for place, part in enumerate(location) if isinstance(part, int)]
+    split = numbers[-1] if numbers else -1
+    key = shown(".".join(map(str, location[split + 1 :])))
+    key = f"{key!r}" if quoted else key
+    if not numbers:
+        return key
+    holder, number = shown(".".join(map(str, location[:split]))), int(location[split]) + 1
+    return f"{key} in [[{holder}]] number {number}" if split + 1 < len(location) else f"entry {number} of {holder}"
 
 
 def shown(text: str) -> str:

@@ -24,10 +24,10 @@ import tomli_w
 from hj_cosim.cosim.configuration import config_toml
 from hj_cosim.errors import RunFolderError
 from hj_cosim.files import remove_abandoned, whole_file
-from hj_cosim.recording.run_folder import require_free_folder
+from hj_cosim.recording.run_folder import Keep, require_free_folder
 from hj_cosim.settings import read_toml
 from hj_cosim.study.design import Cell, StudyDesign
-from hj_cosim.study.jobs import EpisodeJob, Keep, Outcome
+from hj_cosim.study.jobs import EpisodeJob, Outcome
 from hj_cosim.study.results import config_of, is_complete
 
 STUDY = "study.toml"

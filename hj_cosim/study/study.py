@@ -13,6 +13,7 @@ import pandas as pd
 from hj_cosim import __version__
 from hj_cosim.locations import runs_folder
 from hj_cosim.reachability.table.table import find_specification, load_table, specification_hash, table_path
+from hj_cosim.recording.run_folder import Keep
 from hj_cosim.study.claims import claim_table
 from hj_cosim.study.cluster import DaskCluster
 from hj_cosim.study.design import StudyDesign, design_study, parse_variation
@@ -30,13 +31,12 @@ from hj_cosim.study.folder import (
     Failure,
     StudyFolder,
 )
-from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob, Keep
+from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob
 from hj_cosim.study.local_workers import LocalWorkers
 from hj_cosim.study.results import is_complete, read_result
 from hj_cosim.study.stacks import PAPER_STACKS, Stack
 from hj_cosim.study.statistics import RowStatistics
 from hj_cosim.study.tables import (
-    MACHINE_DEPENDENT,
     Row,
     comparison_table,
     difference_table,
@@ -230,9 +230,9 @@ def write_tables(folder: StudyFolder, failures: tuple[Failure, ...] = ()) -> Stu
             result, own_windows = read_result(run_folder)
             results.append(result)
             factors = {**cell.factors, "seed": seed}
-            episodes.append({**factors, **_without(result.summary, (*factors, *MACHINE_DEPENDENT))})
+            episodes.append({**factors, **_without(result.summary, tuple(factors))})
             windows += [{**factors, **window} for window in own_windows]
-            wall_times.append({**factors, **{name: result.summary[name] for name in MACHINE_DEPENDENT}})
+            wall_times.append({**factors, **result.timing})
         rows.append(Row(cell, RowStatistics(results), len(folder.design.seeds) - len(results)))
     table = study_table(rows)
     study = Study(folder.path, table, difference_table(rows), comparison_table(table), claim_table(rows), failures)

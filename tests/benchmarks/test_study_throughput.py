@@ -81,7 +81,7 @@ def test_where_an_episodes_time_goes(monkeypatch, tmp_path):
         monkeypatch.setattr(type(planner), "plan", timed("planning", type(planner).plan))
         monkeypatch.setattr(type(safety_filter), "filter", timed("filter", type(safety_filter).filter))
         record = drive(world, planner, safety_filter, config)
-    summary = timed("summary", summarize)(record, config, 1.0)
+    summary = timed("summary", summarize)(record, config)
     timed("writing", write_episode)(Episode(config, record, summary, world.drivers), Path(tmp_path) / "run")
     whole = time.process_time() - started
     spent["exchange with SUMO"] = spent.pop("world") - spent["SUMO's steps"]

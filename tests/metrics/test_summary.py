@@ -35,11 +35,11 @@ KEYS = [
 
 
 def test_the_summary_has_the_keys_of_the_specification_in_order(record, config):
-    assert list(summarize(record, config, 0.5))[: len(KEYS)] == KEYS
+    assert list(summarize(record, config))[: len(KEYS)] == KEYS
 
 
 def test_the_summary_says_what_the_record_holds(record, config):
-    summary = summarize(record, config, 0.5)
+    summary = summarize(record, config)
 
     assert (summary["planner"], summary["filter"], summary["scheme"], summary["seed"]) == ("hjop", "spc", "mi", 7)
     assert summary["duration"] == 4.0
@@ -55,7 +55,7 @@ def test_the_summary_says_what_the_record_holds(record, config):
 
 def test_infinite_values_are_written_as_null(record, config):
     free = replace(record, threats=replace(record.threats, ttc=np.full(200, np.inf)))
-    summary = summarize(free, config, 1.0)
+    summary = summarize(free, config)
     assert summary["ttc_p10"] == np.inf
     assert json.loads(summary_text(summary))["ttc_p10"] is None
 

@@ -18,7 +18,7 @@ def drive(synthetic):
         config = EpisodeConfig(seed=seed, planner=PlannerSettings(kind=planner), scenario=Scenario(name="synthetic"))
         record = synthetic.synthetic_record(config, samples)
         columns = {name: getattr(record.threats, name) for name in SAMPLE_COLUMNS}
-        return EpisodeResult(seed, summarize(record, config, 1.0), columns), record
+        return EpisodeResult(seed, summarize(record, config), columns), record
 
     return drive_it
 
