@@ -78,7 +78,8 @@ def run_page(run: Run, table: ValueTable, progress: Progress) -> str:
     summary = run.summary
     title = f"{summary['scenario']}, {summary['planner']} + {summary['filter']}, seed {summary['seed']}"
     pairs = "".join(
-        f'<div title="{escape(_meaning(key))}"><span>{escape(_label(key))}</span> <b>{escape(_value(key, value))}</b></div>'
+        f'<div title="{escape(_meaning(key))}"><span>{escape(_label(key))}</span>'
+        f" <b>{escape(_value(key, value))}</b></div>"
         for key, value in summary.items()
     )
     figures = []

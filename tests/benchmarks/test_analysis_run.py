@@ -52,7 +52,7 @@ def crowded_record(samples: int, cars: int) -> RunRecord:
     robot.x[:], robot.y[:], robot.speed[:] = 5.0 + 25.0 * time_axis, 4.0, 25.0
     robot.plan_lane[:], robot.plan_speed[:] = 1, 25.0
     nothing = np.zeros(samples)
-    threats = ThreatTrack(nothing, nothing, nothing, nothing, np.zeros(samples, bool))
+    threats = ThreatTrack(nothing, nothing, nothing, nothing, np.zeros(samples, bool), nothing)
     return RunRecord(time_axis, Road(4), 5.0, 2.0, traffic, robot, threats)
 
 

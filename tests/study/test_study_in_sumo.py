@@ -1,7 +1,6 @@
 """Studies in SUMO itself: the same bytes whoever drives and whatever came between, and SUMO's failures."""
 
 import importlib
-import json
 import subprocess
 import sys
 import time
@@ -19,7 +18,6 @@ from hj_cosim.study.stacks import Stack
 from hj_cosim.study.study import conduct, run_study
 
 FEW_CARS = "[traffic]\ncount = 6\ncount_behind = 2\n"
-MACHINE_DEPENDENT = {"wall_seconds", "real_time_factor"}
 STUDY = {"episodes": 2, "stacks": (Stack("hjop", "spc", "mi"), Stack("op", "rss", "sw"))}
 
 
@@ -36,11 +34,8 @@ def all_files(folder):
     content = {
         path.relative_to(folder).as_posix(): path.read_bytes()
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != "wall_times.csv"
+        if path.is_file() and path.name not in ("wall_times.csv", "timing.json")
     }
-    for name in [name for name in content if name.endswith("summary.json")]:
-        summary = json.loads(content[name])
-        content[name] = {key: value for key, value in summary.items() if key not in MACHINE_DEPENDENT}
     return content
 
 

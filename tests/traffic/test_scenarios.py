@@ -35,7 +35,7 @@ def test_a_path_is_read_and_named_after_its_file(tmp_path):
         ("[traffic]\ndensity = 10\nspacing_factor = 2.0", "density and spacing_factor say the same thing twice"),
         ("[traffic]\nspeed_low = 30.0", "speed_high"),
         ("[drivers]\ndesired_speed = {mean = 2.0, deviation = 1.5}", "reaches zero"),
-        ("[[cars]]\nlane = 1", "cars.0.x"),
+        ("[[cars]]\nlane = 1", "x in [[cars]] number 1"),
         ("[traffic", "is not TOML"),
     ],
 )
