@@ -39,3 +39,7 @@ class WorkerError(HjCosimError):
 
 class MetricError(HjCosimError):
     """A metric is written that is not declared, or asked for under a name that none has."""
+
+
+class PluginError(HjCosimError):
+    """A planner or a filter cannot be imported or made, or failed in the middle of an episode."""

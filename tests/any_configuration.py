@@ -32,6 +32,8 @@ def values(annotation: Any, low: float = -math.inf, high: float = math.inf) -> s
         return st.sampled_from(arguments)
     if origin in (Union, types.UnionType):
         return st.one_of(*(values(kind, low, high) for kind in arguments if kind is not type(None)))
+    if origin is dict:
+        return st.dictionaries(st.text(max_size=5), anything, max_size=1)
     if origin is tuple:
         return st.lists(values(arguments[0]), max_size=3)
     if annotation is bool:
@@ -64,6 +66,8 @@ def tables(model: type[BaseModel]) -> st.SearchStrategy[dict[str, Any]]:
         content = {}
         for name in dict.fromkeys([*required, *chosen]):
             right = values(fields[name].annotation, *bounds_of(fields[name]))
+            if fields[name].examples:
+                right = st.one_of(st.sampled_from(fields[name].examples), right)
             content[name] = draw(anything if draw(seldom) else right)
         if draw(seldom):
             content[draw(st.text(min_size=1, max_size=5))] = draw(anything)

@@ -15,7 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.road_view import body_corners
 from hj_cosim.analysis.figures.value_plot import value_colours
-from hj_cosim.analysis.plan_path import plan_path
+from hj_cosim.analysis.plan_path import plan_path, tracking_of
 from hj_cosim.analysis.values import car_values
 from hj_cosim.errors import OutputError
 from hj_cosim.files import whole_file
@@ -78,6 +78,7 @@ class FrameArtist:
 
     def __init__(self, run: Run, table: ValueTable) -> None:
         self._run = run
+        self._tracking = tracking_of(run)
         record = run.record
         self._values = car_values(record, table)
         self._pixels_per_metre = WIDTH * OVERSAMPLING / (BEHIND + AHEAD)
@@ -142,7 +143,7 @@ class FrameArtist:
                 draw.line([tuple(dash[0]), tuple(dash[1])], fill=style.LANE_LINE, width=OVERSAMPLING)
 
     def _draw_plan(self, draw: ImageDraw.ImageDraw, sample: int) -> None:
-        points = self._to_pixels(plan_path(self._run.record, sample), sample)
+        points = self._to_pixels(plan_path(self._run.record, sample, self._tracking), sample)
         for first, second in zip(points[::2], points[1::2], strict=False):
             draw.line([tuple(first), tuple(second)], fill=style.ROBOT, width=2 * OVERSAMPLING)
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from hj_cosim.analysis.figures.value_plot import VALUE_LIMIT, value_colours
-from hj_cosim.analysis.plan_path import LATERAL_RATE, SPEED_RATE
 from hj_cosim.analysis.values import car_values
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import RunRecord
+from hj_cosim.settings import TrackingSettings
 
 NEAR = 120.0  # m, cars within this are shown
 BYTES_PER_CAR = 32  # of a sample: eight numbers of four bytes
@@ -32,12 +32,13 @@ _ROBOT_COLUMNS = [
 ]
 
 
-def replay_data(record: RunRecord, table: ValueTable) -> dict[str, Any]:
+def replay_data(record: RunRecord, table: ValueTable, tracking: TrackingSettings) -> dict[str, Any]:
     """Return a run for page/replay.js; of a long or crowded one only every second, third... sample.
 
     Args:
         record: the run.
         table: V, for the value of each car.
+        tracking: the gains with which the robot follows its plan.
     """
     traffic, robot = record.traffic, record.robot
     relative = traffic.x - robot.x[:, None]
@@ -57,8 +58,8 @@ def replay_data(record: RunRecord, table: ValueTable) -> dict[str, Any]:
         "robotLength": record.robot_length,
         "robotWidth": record.robot_width,
         "samplesPerSecond": round(1.0 / step),
-        "lateralRate": LATERAL_RATE,
-        "speedRate": SPEED_RATE,
+        "lateralRate": tracking.k_1,
+        "speedRate": tracking.k_2,
         "valueLimit": VALUE_LIMIT,
         "colours": _colours(),
         "robot": {name: _encode(column[kept], "u1" if name in flags else "f8") for name, column in columns.items()},

@@ -19,6 +19,7 @@ import tomli_w
 from hj_cosim.analysis.figures.gallery import TEXT_COLUMNS, draw_figure, read_study_table, table_of
 from hj_cosim.analysis.figures.stacks import STACK_COLUMNS
 from hj_cosim.analysis.figures.style import save_drawing
+from hj_cosim.analysis.plan_path import tracking_of
 from hj_cosim.analysis.replay_data import replay_data
 from hj_cosim.errors import RunFolderError
 from hj_cosim.files import temporary_folder, whole_file
@@ -86,7 +87,7 @@ def run_page(run: Run, table: ValueTable, progress: Progress) -> str:
     for done, (name, caption) in enumerate(RUN_FIGURES.items(), start=1):
         figures.append(_figure(name, caption, run=run.folder, table=table))
         progress(done, len(RUN_FIGURES))
-    data = json.dumps(replay_data(run.record, table), allow_nan=False)
+    data = json.dumps(replay_data(run.record, table, tracking_of(run)), allow_nan=False)
     return _page(
         title,
         [

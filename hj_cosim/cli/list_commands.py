@@ -58,7 +58,7 @@ def knobs(
 def _default(best: Any, paper: Any) -> str:
     """Return a default in the preset `best`, and in `paper` where that differs."""
     texts = [
-        "–" if value in (None, ()) else f"{value:g}" if isinstance(value, float) else str(value)
+        "–" if value in (None, (), {}) else f"{value:g}" if isinstance(value, float) else str(value)
         for value in (best, paper)
     ]
     return texts[0] if texts[0] == texts[1] else f"{texts[0]} (paper: {texts[1]})"

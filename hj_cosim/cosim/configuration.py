@@ -8,6 +8,7 @@ import tomli_w
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import scenarios_folder
+from hj_cosim.plugins import FILTER, PLANNER, find_plugin, options_of, whole_reference
 from hj_cosim.settings import (
     PRESETS,
     DriverSettings,
@@ -41,6 +42,7 @@ def resolve_config(
 
     Raises:
         ConfigurationError: if anything is unknown, of the wrong type, or out of range.
+        PluginError: if a planner or a filter of one's own cannot be imported.
         NetworkError, ScenarioError: if the road cannot be used, or the cars do not fit on it.
     """
     if preset not in PRESETS:
@@ -64,8 +66,24 @@ def resolve_config(
     for source, layer in layers:
         data = overlay(data, layer)
         config = validate(EpisodeConfig, data, source)
+    config = _with_plugins(config)
     _require_room(config)
     return config
+
+
+def _with_plugins(config: EpisodeConfig) -> EpisodeConfig:
+    """Return the configuration with whole references to planner and filter, and their options in full.
+
+    Raises:
+        ConfigurationError, PluginError: if there is no such planner or filter, or its options are wrong.
+    """
+    changed: dict[str, Any] = {}
+    for kind, settings in ((PLANNER, config.planner), (FILTER, config.filter)):
+        reference = whole_reference(kind, settings.kind)
+        options = options_of(kind, find_plugin(kind, reference), settings.options)
+        full = {} if options is None else options.model_dump(mode="json", exclude_none=True)
+        changed[kind.noun] = settings.model_copy(update={"kind": reference, "options": full})
+    return config.model_copy(update=changed)
 
 
 def _require_room(config: EpisodeConfig) -> None:

@@ -9,15 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from hj_cosim.control.catalogue import make_filter
+from hj_cosim.control.contract import SafetyFilter
+from hj_cosim.control.guard import DESIRED_NOT_FINITE, NOT_JUDGED, GuardedFilter
 from hj_cosim.control.problem.safety_problem import FAILED
-from hj_cosim.control.safety_filter import (
-    DESIRED_NOT_FINITE,
-    ESCAPED,
-    HAD_NO_ESCAPE,
-    NOT_JUDGED,
-    SafetyFilter,
-    make_filter,
-)
+from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE, SafetyPreservingFilter
 from hj_cosim.control.tracking import tracking_control
 from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
 from hj_cosim.cosim.recorder import Recorder
@@ -27,9 +23,11 @@ from hj_cosim.locations import runs_folder
 from hj_cosim.metrics.catalogue import require_declared
 from hj_cosim.metrics.summary import summarize, timing
 from hj_cosim.metrics.threats import collides
-from hj_cosim.planning.contract import Plan, Planner
-from hj_cosim.planning.optimistic.planner import make_planner
-from hj_cosim.planning.optimistic.tree_search import IDLE
+from hj_cosim.planning.catalogue import make_planner
+from hj_cosim.planning.contract import IDLE, Plan, Planner
+from hj_cosim.planning.guard import GuardedPlanner
+from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
+from hj_cosim.reachability.table.car_values import car_values
 from hj_cosim.reachability.table.table import ValueTable, load_table
 from hj_cosim.recording.record import RunRecord
 from hj_cosim.recording.run_folder import Keep, require_free_folder, write_run
@@ -55,50 +53,67 @@ class Episode:
     folder: Path | None = None  # the run's folder, where it was written
 
 
+@dataclass(frozen=True)
+class Drive:
+    """What came of a drive."""
+
+    record: RunRecord
+    diagnostics: Mapping[str, float]  # the filter's, and its guard's, summed over all steps
+
+
 def drive(
     world: World,
     planner: Planner,
     safety_filter: SafetyFilter,
+    table: ValueTable,
     config: EpisodeConfig,
     audit: PromiseAudit | None = None,
     progress: Progress | None = None,
-) -> RunRecord:
+) -> Drive:
     """Drive one episode in a world that has settled, and return what happened.
 
-    At every step the robot observes, plans if it is time to, tracks the plan, filters the control, and moves as
-    the bicycle does; the world moves with it. Any world, planner and filter of the Protocols will do. Where a car's
-    state is NaN or infinite, nothing is planned and the last plan is kept, while the filter brakes and counts.
+    At every step the robot observes, looks V of all cars up, plans if it is time to, tracks the plan, filters the
+    control, and moves as the bicycle does; the world moves with it. Any world, planner and filter of the contracts will
+    do; what they answer is guarded. Where a car's state is NaN or infinite, nothing is planned and the last plan is
+    kept, while the robot brakes in its lane, which is counted.
 
     Args:
         world: at the instant that the robot takes over.
         planner: asked every `simulation.plan_period`.
         safety_filter: asked every step.
+        table: V, for the filter and the record alike.
         config: clocks, the robot and the tracking controller.
         audit: told of every step, if there is one; for filters that promise something about V.
         progress: called with the samples driven and the samples in all, once a plan.
 
     Raises:
         SimulationError: if the world fails, or puts the robot where no robot can be.
+        PluginError: if the planner or the filter fails, takes too long, or answers what cannot be.
     """
     simulation, robot = config.simulation, config.robot
     samples = max(round(simulation.duration / simulation.step), 1)
     samples_per_plan = max(round(simulation.plan_period / simulation.step), 1)
     recorder = Recorder(samples, world.vehicle_names)
+    guarded_planner = GuardedPlanner(planner, world.road)
+    guarded_filter = GuardedFilter(safety_filter, robot)
     observation = _observe(world)
+    values = car_values(table, observation)
+    guarded_planner.prepare(observation)
+    guarded_filter.prepare(observation, values)
     target = Target(lane=world.road.lane_at(observation.robot[1]), speed=float(observation.robot[3]))
     plan = Plan(IDLE, target)
     for sample in range(samples):
         if sample % samples_per_plan == 0:
             if is_possible(observation.robot, observation.x, observation.y, observation.heading, observation.speed):
-                plan = planner.plan(observation, target)
+                plan = guarded_planner.plan(observation, target)
                 target = plan.target
             if progress is not None:
                 progress(sample, samples)
         desired = tracking_control(observation.robot, target, world.road, config.tracking, robot)
-        filtered = safety_filter.filter(observation, desired)
-        omega, acceleration = filtered.control.omega, filtered.control.acceleration
+        decision = guarded_filter.filter(observation, values, desired)
+        omega, acceleration = decision.control.omega, decision.control.acceleration
         steering = steering_for(omega, float(observation.robot[3]), robot.wheelbase)
-        recorder.record(observation, plan, desired, filtered, steering)
+        recorder.record(observation, values, plan, desired, decision, steering)
         if simulation.on_collision == "stop" and _collided(observation, config):
             break
         if sample + 1 < samples:
@@ -107,11 +122,12 @@ def drive(
             )
             world.step(state, acceleration)
             before, observation = observation, _observe(world)
+            values = car_values(table, observation)
             if audit is not None:
-                audit.judge(filtered, before, observation)
+                audit.judge(decision, before, observation)
     if progress is not None:
         progress(samples, samples)
-    return recorder.finish(world.road, robot)
+    return Drive(recorder.finish(world.road, robot), guarded_filter.counts)
 
 
 def _observe(world: World) -> Observation:
@@ -155,28 +171,29 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
     with SumoWorld(config.scenario, config.robot, config.seed, config.simulation.step) as world:
         world.settle(config.simulation.settle_time)
         planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, table)
-        safety_filter = make_filter(config.filter, config.robot, table, config.simulation.step)
-        audit = PromiseAudit(table.arrays, promises=config.filter.kind == "spc")
-        record = drive(world, planner, safety_filter, config, audit, progress)
+        safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
+        audit = PromiseAudit(table.arrays, promises=isinstance(safety_filter, SafetyPreservingFilter))
+        driven = drive(world, planner, safety_filter, table, config, audit, progress)
     wall_seconds = time.perf_counter() - started
-    summary = summarize(record, config, audit.summary() | fallback_summary(safety_filter.counts))
-    return Episode(config, record, summary, world.drivers, timing(summary, wall_seconds))
+    summary = summarize(driven.record, config, audit.summary() | fallback_summary(driven.diagnostics))
+    return Episode(config, driven.record, summary, world.drivers, timing(summary, wall_seconds))
 
 
-def fallback_summary(counts: Mapping[str, int]) -> dict[str, int]:
-    """Return what goes into summary.json of a filter's counts: how often something failed, and was answered safely."""
+def fallback_summary(diagnostics: Mapping[str, float]) -> dict[str, float]:
+    """Return what goes into summary.json of a drive's diagnostics: how often something failed, answered safely."""
     return {
-        "not_judged_samples": counts.get(NOT_JUDGED, 0),
-        "desired_not_finite_samples": counts.get(DESIRED_NOT_FINITE, 0),
-        "solver_failures": sum(count for what, count in counts.items() if what.endswith(FAILED)),
-        "escape_samples": counts.get(ESCAPED, 0),
-        "no_escape_samples": counts.get(HAD_NO_ESCAPE, 0),
+        "not_judged_samples": diagnostics.get(NOT_JUDGED, 0),
+        "desired_not_finite_samples": diagnostics.get(DESIRED_NOT_FINITE, 0),
+        "solver_failures": sum(count for what, count in diagnostics.items() if what.endswith(FAILED)),
+        "escape_samples": diagnostics.get(ESCAPED, 0),
+        "no_escape_samples": diagnostics.get(HAD_NO_ESCAPE, 0),
     }
 
 
 def new_run_folder(config: EpisodeConfig) -> Path:
     """Return a folder that does not exist yet, in runs/, named for the scenario, the stack and the seed."""
-    parts = [file_name(config.scenario.name), config.planner.kind, config.filter.kind]
+    stack = (plugin_name(config.planner.kind), plugin_name(config.filter.kind))
+    parts = [file_name(part) for part in (config.scenario.name, *stack)]
     if config.filter.kind != "none":
         parts.append(config.filter.scheme)
     name = "-".join([*parts, str(config.seed)])
@@ -204,8 +221,8 @@ def write_episode(episode: Episode, folder: Path, keep: Keep = "all") -> None:
 def run_episode(
     scenario: str | Path | Scenario = "paper",
     *,
-    planner: str | None = None,
-    filter: str | None = None,
+    planner: str | type | Planner | None = None,
+    filter: str | type | SafetyFilter | None = None,
     scheme: str | None = None,
     preset: str = "best",
     seed: int | None = None,
@@ -222,9 +239,10 @@ def run_episode(
 
     Args:
         scenario: a name in sumo_net/, a path to a scenario TOML, or a Scenario.
-        planner: hjop, op or idle; the preset's unless given. So for filter (spc, rss, none) and scheme (mi, sw).
-        filter: see planner.
-        scheme: see planner.
+        planner: hjop, op, idle, or one of one's own (planning/contract.py): `FILE.py:Class`, `package.module:Class`, a
+            class, or an object of one, which is used as it is; hjop unless given.
+        filter: spc, rss, none, or one of one's own (control/contract.py), likewise; spc unless given.
+        scheme: mi or sw, of the filters spc and rss.
         preset: best or paper.
         seed: of the traffic; the scenario's unless given.
         duration: recorded time, s.
@@ -243,6 +261,8 @@ def run_episode(
     Raises:
         HjCosimError: one sentence on what is wrong and what would be right.
     """
+    planner = planner if planner is None or isinstance(planner, str) else given(PLANNER, planner)
+    filter = filter if filter is None or isinstance(filter, str) else given(FILTER, filter)
     flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
     folder = out(config) if callable(out) else None if out is None else Path(out)

@@ -1,14 +1,15 @@
 """Collects an episode, sample by sample, into arrays that are allocated once."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from hj_cosim.control.safety_filter import FilterResult
+from hj_cosim.control.contract import FilterDecision
 from hj_cosim.metrics.threats import threat_track
 from hj_cosim.planning.contract import Plan
-from hj_cosim.recording.record import RobotTrack, RunRecord, TrafficTrack
-from hj_cosim.scene.observation import Control, Observation
+from hj_cosim.recording.record import NO_VEHICLE, RobotTrack, RunRecord, TrafficTrack
+from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import RobotSettings
 
@@ -24,15 +25,22 @@ class Recorder:
         self._robot = RobotTrack.empty(samples)
 
     def record(
-        self, observation: Observation, plan: Plan, desired: Control, filtered: FilterResult, steering: float
+        self,
+        observation: Observation,
+        values: CarValues,
+        plan: Plan,
+        desired: Control,
+        decision: FilterDecision,
+        steering: float,
     ) -> None:
         """Take one sample.
 
         Args:
             observation: what the robot saw.
+            values: V of its cars; +inf is recorded where it is not known.
             plan: the plan that it is following.
             desired: the tracking controller's control.
-            filtered: what the filter made of it.
+            decision: what the filter made of it.
             steering: δ, rad, that goes to the bicycle.
         """
         sample = self._taken
@@ -52,18 +60,18 @@ class Recorder:
         robot = self._robot
         robot.x[sample], robot.y[sample], robot.heading[sample], robot.speed[sample] = observation.robot
         robot.steering[sample] = steering
-        robot.omega[sample] = filtered.control.omega
-        robot.acceleration[sample] = filtered.control.acceleration
+        robot.omega[sample] = decision.control.omega
+        robot.acceleration[sample] = decision.control.acceleration
         robot.omega_desired[sample] = desired.omega
         robot.acceleration_desired[sample] = desired.acceleration
         robot.action[sample] = plan.action
         robot.plan_speed[sample] = plan.target.speed
         robot.plan_lane[sample] = plan.target.lane
-        robot.value[sample] = filtered.value
-        robot.value_vehicle[sample] = filtered.value_vehicle
-        robot.constraints[sample] = filtered.constraints
-        robot.intervening[sample] = filtered.intervening
-        robot.slack[sample] = filtered.slack
+        robot.value[sample] = values.least if values.is_known else math.inf
+        robot.value_vehicle[sample] = observation.vehicle[values.nearest] if values.nearest >= 0 else NO_VEHICLE
+        robot.constraints[sample] = decision.constraints
+        robot.intervening[sample] = decision.intervening
+        robot.slack[sample] = decision.slack
 
     def finish(self, road: Road, robot: RobotSettings) -> RunRecord:
         """Return what was taken, with the threat metrics of every sample."""

@@ -115,7 +115,8 @@ def _rss_violations(
                 continue
             dx, dy = x[t, j] - robot[t, 0], y[t, j] - robot[t, 1]
             lateral_gap = abs(dy) - 0.5 * (body[1] + width[j])
-            rear_speed, front_speed = (robot_speed, speed[t, j]) if dx > 0.0 else (speed[t, j], robot_speed)
+            # At the same place the robot counts as the rear car, as it does to the RSS filter.
+            rear_speed, front_speed = (robot_speed, speed[t, j]) if dx >= 0.0 else (speed[t, j], robot_speed)
             longitudinal_gap = abs(dx) - 0.5 * (body[0] + length[j])
             if longitudinal_gap >= longitudinal_distance(
                 rear_speed, front_speed, response, acceleration, brake_min, brake_max

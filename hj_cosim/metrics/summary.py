@@ -11,6 +11,7 @@ from hj_cosim.metrics.declaration import PercentileOfSamples
 from hj_cosim.metrics.driving import driving_metrics
 from hj_cosim.metrics.jerk_and_turning import jerk_and_turning
 from hj_cosim.metrics.threats import SAFE_TTC
+from hj_cosim.plugins import plugin_name
 from hj_cosim.recording.record import RunRecord
 from hj_cosim.settings import EpisodeConfig
 
@@ -33,8 +34,8 @@ def summarize(record: RunRecord, config: EpisodeConfig, counted: Mapping[str, An
     """
     robot, threats = record.robot, record.threats
     found = {
-        "planner": config.planner.kind,
-        "filter": config.filter.kind,
+        "planner": plugin_name(config.planner.kind),
+        "filter": plugin_name(config.filter.kind),
         "scheme": config.filter.scheme,
         "seed": config.seed,
         "scenario": config.scenario.name,

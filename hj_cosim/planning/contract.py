@@ -1,19 +1,50 @@
 """What a planner is: one class with one method.
 
-A planner of one's own needs nothing else:
+A planner of one's own needs nothing else; `hj-cosim run --planner mine.py:KeepRight` drives it:
+
+    from hj_cosim.planning.contract import RIGHT, Plan
+    from hj_cosim.scene.observation import Target
 
     class KeepRight:
-        def plan(self, observation: Observation, previous: Target) -> Plan:
+        def plan(self, observation, previous):
             return Plan(action=RIGHT, target=Target(lane=0, speed=previous.speed))
+
+Its constructor is handed what it asks for by the names of its parameters, any of PlannerInputs' fields:
+
+    def __init__(self, road, robot): ...
+
+It may have a method `prepare(observation)`, called once before the drive: what takes long, such as compiling, belongs
+there, and must not change what it answers. An answer of `plan` that takes ten seconds ends the episode, and so does
+one that raises, or whose target no robot can have. `hj_cosim.testing.check_planner` tests a planner.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
-from hj_cosim.planning.optimistic.tree_search import IDLE
 from hj_cosim.scene.observation import Observation, Target
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings, Settings
+
+if TYPE_CHECKING:
+    from hj_cosim.reachability.table.table import ValueTable
+
+# The actions; what a plan says that its target came from.
+IDLE, FASTER, SLOWER, LEFT, RIGHT = range(5)
+ACTION_COUNT = 5
+
+
+@dataclass(frozen=True)
+class PlannerInputs:
+    """What a planner may ask for, by the names of its constructor's parameters."""
+
+    settings: PlannerSettings  # the group `planner`
+    options: Settings | None  # its own, where its class has a settings model `Options`
+    robot: RobotSettings  # body and limits
+    drivers: DriverSettings  # the others' mean parameters; how they scatter is not for planners to know
+    road: Road
+    table: "ValueTable"  # V
 
 
 @dataclass(frozen=True)
@@ -48,7 +79,7 @@ class Plan:
     """What the robot is to do until the next plan."""
 
     action: int  # IDLE, FASTER, SLOWER, LEFT or RIGHT
-    target: Target
+    target: Target  # a lane of the road, and a speed of 0 m/s or more
     statistics: PlanStatistics | None = None
 
 
@@ -59,15 +90,16 @@ class Planner(Protocol):
         """Return the plan.
 
         Args:
-            observation: the robot and the cars around it now.
+            observation: the robot and the cars around it now, all finite; not to be written to.
             previous: what the last plan's target was; at first, the robot's own lane and speed.
         """
         ...
 
 
-class IdlePlanner:
-    """Keeps the lane and the speed that it was given first."""
+@runtime_checkable
+class PreparedPlanner(Planner, Protocol):
+    """A planner that has something to do before the drive."""
 
-    def plan(self, observation: Observation, previous: Target) -> Plan:
-        """Return the previous target; the observation is not looked at."""
-        return Plan(action=IDLE, target=previous)
+    def prepare(self, observation: Observation) -> None:
+        """Do what takes long, such as compiling; `observation` is the drive's first."""
+        ...

@@ -1,12 +1,28 @@
 """What the robot sees at one instant, as arrays in the road frame, and what it means to do."""
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 # m, rad and m/s: no road reaches farther, and nothing is faster. What is beyond is as broken as NaN.
 FARTHEST = 1e7
+NOBODY = -1  # in place of a car's number or index
+
+
+class Cars(NamedTuple):
+    """The J cars around the robot, as kernels take them; the arrays of an Observation."""
+
+    vehicle: np.ndarray  # (J,) int, each car's number
+    x: np.ndarray  # (J,) m
+    y: np.ndarray  # (J,) m
+    heading: np.ndarray  # (J,) rad
+    speed: np.ndarray  # (J,) m/s
+    length: np.ndarray  # (J,) m
+    width: np.ndarray  # (J,) m
 
 
 @dataclass(frozen=True)
@@ -29,6 +45,25 @@ class Observation:
     target_lane: np.ndarray  # (J,) int, where a change in progress leads; the lane itself otherwise
     length: np.ndarray  # (J,) m
     width: np.ndarray  # (J,) m
+
+    @cached_property
+    def cars(self) -> Cars:
+        """Where the cars are, how they move and how large they are; the same arrays, together."""
+        return Cars(self.vehicle, self.x, self.y, self.heading, self.speed, self.length, self.width)
+
+
+@dataclass(frozen=True, slots=True)
+class CarValues:
+    """V of the J cars of an observation, looked up once a step for all who want it."""
+
+    value: np.ndarray  # (J,) m; +inf for a car that is not within the table
+    least: float  # m, the least of them; +inf without cars, NaN where the observation or the table gives no number
+    nearest: int  # the index of the car that has it; NOBODY if none is within the table
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the observation and the table gave numbers; else nothing about the cars can be said."""
+        return not math.isnan(self.least)
 
 
 @dataclass(frozen=True)

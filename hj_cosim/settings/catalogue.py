@@ -83,6 +83,8 @@ def _allowed(field: FieldInfo) -> str:
     """Return the range of a number, or the values of a choice."""
     if get_origin(field.annotation) is Literal:
         return ", ".join(map(str, get_args(field.annotation)))
+    if field.examples:
+        return ", ".join([*map(str, field.examples), "..."])
     if field.annotation is bool:
         return "true, false"
     bounds = [

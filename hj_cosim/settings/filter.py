@@ -1,6 +1,6 @@
 """The safety filter, and the parameters of the RSS distances."""
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -28,8 +28,10 @@ class RssParameters(Settings):
 class FilterSettings(Settings):
     """The safety filter between the tracking controller and the robot."""
 
-    kind: Literal["spc", "rss", "none"] = Field(
-        "spc", description="what must hold: the HJI value's rows, the RSS proper response, or nothing"
+    kind: str = Field(
+        "spc",
+        description="spc, rss, none, a name that a package registers, FILE.py:Class or package.module:Class",
+        examples=["spc", "rss", "none"],
     )
     scheme: Literal["mi", "sw"] = Field(
         "mi", description="what is done about it: minimal intervention, or switching to the safest control"
@@ -49,3 +51,4 @@ class FilterSettings(Settings):
     rss: RssParameters = Field(
         RssParameters(response_time=0.5, brake_min=4.0, brake_max=8.0), description="of the filter rss"
     )
+    options: dict[str, Any] = Field({}, description="settings that a filter of one's own brings")

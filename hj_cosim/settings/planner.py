@@ -1,6 +1,6 @@
 """The planner: optimistic planning, its reward, and what it predicts with."""
 
-from typing import Literal
+from typing import Any
 
 from pydantic import Field, model_validator
 
@@ -13,8 +13,10 @@ MOST_PREDICTION_STEPS = 1000
 class PlannerSettings(Settings):
     """Optimistic planning and its reward (paper, section Planner Dynamics and Reward Function)."""
 
-    kind: Literal["hjop", "op", "idle"] = Field(
-        "hjop", description="optimistic planning with or without the HJI reward, or keeping lane and speed"
+    kind: str = Field(
+        "hjop",
+        description="hjop, op, idle, a name that a package registers, FILE.py:Class or package.module:Class",
+        examples=["hjop", "op", "idle"],
     )
     gamma_r: Number = Field(0.9, ge=0, le=1, description="γ_R, weight of the driving reward in HJOP; OP has 1")
     value_clip: Metres = Field(8.0, gt=0, description="the HJI reward is clipped to ± this")
@@ -36,6 +38,7 @@ class PlannerSettings(Settings):
     lane_change_time: Seconds = Field(2.0, gt=0, description="in which the tracked robot gets one lane across")
     others_lane_change_time: Seconds = Field(3.0, gt=0, description="in which the other cars do")
     speed_response: Seconds = Field(0.6, gt=0, description="time constant of the tracked speed, 1/K_2")
+    options: dict[str, Any] = Field({}, description="settings that a planner of one's own brings")
 
     @model_validator(mode="after")
     def _speeds_are_ordered(self) -> "PlannerSettings":

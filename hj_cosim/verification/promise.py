@@ -1,11 +1,9 @@
 """Whether the filter kept its promise: V of the cars in K did not fall, wherever the rows could be met together."""
 
-import math
-
 import numpy as np
 from numba import njit
 
-from hj_cosim.control.safety_filter import FilterResult
+from hj_cosim.control.problem.nearest_control import RowsDecision
 from hj_cosim.reachability.table.lookup import TableArrays, value_at
 from hj_cosim.scene.observation import Observation
 
@@ -38,7 +36,7 @@ def realised_value_rates(
     Args:
         table: the value table's arrays.
         before, after: the instants at which a control was chosen and at which it had been applied.
-        vehicles: (K,) int, the cars' numbers; those of a FilterResult's rows.
+        vehicles: (K,) int, the cars' numbers; those of a decision's rows.
 
     Returns:
         (K,) m/s; NaN for a car that is not in both, +inf for one that has left the table.
@@ -50,30 +48,23 @@ def realised_value_rates(
 
 
 def promise_kept(
-    table: TableArrays, result: FilterResult, before: Observation, after: Observation, tolerance: float
+    table: TableArrays, decision: RowsDecision, before: Observation, after: Observation, tolerance: float
 ) -> bool | None:
-    """Return whether no V in K fell faster than `tolerance` over the step that a result was applied for.
+    """Return whether no V in K fell faster than `tolerance` over the step that a decision was applied for.
 
     Args:
         table: the value table's arrays.
-        result: SPC's, for the observation `before`.
+        decision: SPC's, for the observation `before`.
         before, after: the instants at which the control was chosen and at which it had been applied.
         tolerance: m/s, for the gradient that changes within a step and from cell to cell of the table.
 
     Returns:
         None where nothing was promised: K is empty, the rows cannot be met together, or no car of K is in both.
     """
-    if not result.intervening or not result.meetable:
+    if not decision.intervening or not decision.meetable:
         return None
-    rates = realised_value_rates(table, before, after, result.rows.vehicle)
+    rates = realised_value_rates(table, before, after, decision.rows.vehicle)
     rates = rates[~np.isnan(rates)]
     if len(rates) == 0:
         return None
     return bool(rates.min() >= -tolerance)
-
-
-def promised_rate(result: FilterResult) -> float:
-    """Return the least dV/dt over K that the control promises for the worst other cars, m/s; +inf without rows."""
-    if len(result.rows) == 0:
-        return math.inf
-    return float(result.rows.margins(result.control.omega, result.control.acceleration).min())

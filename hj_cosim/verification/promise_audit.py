@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from hj_cosim.control.safety_filter import FilterResult
+from hj_cosim.control.contract import FilterDecision
+from hj_cosim.control.problem.nearest_control import RowsDecision
 from hj_cosim.reachability.table.lookup import TableArrays
 from hj_cosim.scene.observation import Observation
 from hj_cosim.verification.promise import promise_kept
@@ -27,16 +28,16 @@ class PromiseAudit:
         self._promised = 0
         self._kept = 0
 
-    def judge(self, result: FilterResult, before: Observation, after: Observation) -> None:
+    def judge(self, decision: FilterDecision, before: Observation, after: Observation) -> None:
         """Take one step into account.
 
         Args:
-            result: the filter's, for the observation `before`.
+            decision: the filter's, for the observation `before`.
             before, after: the instants at which the control was chosen and at which it had been applied.
         """
-        if not self._promises:
+        if not self._promises or not isinstance(decision, RowsDecision):  # it braked, for want of a judgement
             return
-        kept = promise_kept(self._table, result, before, after, self._tolerance)
+        kept = promise_kept(self._table, decision, before, after, self._tolerance)
         if kept is not None:
             self._promised += 1
             self._kept += kept

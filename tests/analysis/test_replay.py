@@ -1,3 +1,4 @@
+import math
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -7,17 +8,20 @@ import pytest
 from PIL import Image, ImageSequence
 
 from hj_cosim.analysis.figures.value_plot import value_colours
-from hj_cosim.analysis.plan_path import plan_path
+from hj_cosim.analysis.plan_path import plan_path, tracking_of
 from hj_cosim.analysis.replay import AHEAD, BEHIND, HEADER, WIDTH, FrameArtist, frame_samples, write_replay
+from hj_cosim.analysis.replay_data import replay_data
 from hj_cosim.analysis.values import car_values
 from hj_cosim.errors import OutputError
 from hj_cosim.recording.run_folder import Run
+from hj_cosim.settings import TrackingSettings
 
 CODER = """#!{python}
 import pathlib, sys
 pathlib.Path(sys.argv[-1]).write_bytes(sys.stdin.buffer.read())
 """
 BROKEN_CODER = """#!{python}
+import math
 import sys
 sys.exit("unknown encoder")
 """
@@ -73,11 +77,24 @@ def test_cars_are_drawn_at_their_places_in_the_colours_of_their_values(run, tabl
 
 
 def test_the_plan_leads_to_the_planned_lane_and_speed(run):
-    path = plan_path(run.record, 0)
+    path = plan_path(run.record, 0, TrackingSettings())
     robot = run.record.robot
     np.testing.assert_allclose(path[0], [robot.x[0], robot.y[0]])
     assert path[-1, 1] == pytest.approx(4.0 * robot.plan_lane[0], abs=0.01)
     assert (path[-1, 0] - path[-2, 0]) / 0.1 == pytest.approx(robot.plan_speed[0], abs=0.05)
+
+
+def test_the_plan_is_followed_at_the_gains_of_the_run(run, table):
+    softer = replace(run, config={**run.config, "tracking": {"k_1": 1.0, "k_2": 0.5}})
+    path, robot = plan_path(run.record, 0, tracking_of(softer)), run.record.robot
+    second = 10  # points are a tenth of a second apart
+    off_centre = robot.y[0] - 4.0 * robot.plan_lane[0]
+    assert path[second, 1] == pytest.approx(4.0 * robot.plan_lane[0] + off_centre * math.exp(-1.0))
+    speed = (path[second + 1, 0] - path[second - 1, 0]) / 0.2
+    left = (robot.speed[0] - robot.plan_speed[0]) * math.exp(-0.5)
+    assert speed == pytest.approx(robot.plan_speed[0] + left, abs=0.01)
+    data = replay_data(run.record, table, tracking_of(softer))
+    assert (data["lateralRate"], data["speedRate"]) == (1.0, 0.5)
 
 
 def coder_in(folder: Path, text: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,13 +10,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import qpsolvers
+from filter_in_loop import FilterInLoop
 
 from hj_cosim.control.problem.enumeration import least_cost_control
-from hj_cosim.control.safety_filter import make_filter
-from hj_cosim.reachability.games.highway.rows import Disturbance, hji_rows
+from hj_cosim.reachability.table.car_values import car_values
 from hj_cosim.reachability.table.table import ValueTable, load_table
 from hj_cosim.scene.observation import Control, Observation
-from hj_cosim.settings import FilterSettings, RobotSettings
+from hj_cosim.settings import FilterSettings
 
 CARS = 100
 # The filter is one thread: its CPU time is the wall time of a machine that does nothing else.
@@ -66,7 +66,7 @@ def floor_problem(_: Observation) -> object:
 
 
 def test_filter_step(benchmark, table):
-    robot, scenes = RobotSettings(), observations(2000)
+    scenes = observations(2000)
     lines = []
     for name, settings in {
         "SPC MI": FilterSettings(),
@@ -75,20 +75,19 @@ def test_filter_step(benchmark, table):
         "RSS MI": FilterSettings(kind="rss"),
         "none": FilterSettings(kind="none"),
     }.items():
-        safety_filter = make_filter(settings, robot, table, 0.02)
+        safety_filter = FilterInLoop(settings, table)
         results = []
         taken = durations(lambda scene, f=safety_filter, r=results: r.append(f.filter(scene, DESIRED)), scenes)
         intervening = np.array([result.intervening for result in results[50:]])
         busy = taken[intervening] if intervening.any() else taken
         lines.append((name, np.median(taken), np.quantile(taken, 0.99), np.median(busy), 100 * intervening.mean()))
-    arrays, other = table.arrays, Disturbance.of(table)
-    looked_up = durations(lambda s: hji_rows(arrays, s.robot, s.x, s.y, s.heading, s.speed, 2.0, 0.0, other), scenes)
+    looked_up = durations(lambda seen: car_values(table, seen), scenes)
     p, q, c = np.array([3.0, -8.0]), np.array([-2.0, 5.0]), np.array([-4.0, 2.0])
     weights, box = np.array([11.1, 0.0625, 10.0]), np.array([-0.3, 0.3, -6.0, 4.0])
     enumerated = durations(lambda _: least_cost_control(p, q, c, 0.01, 1.0, weights, False, box), scenes)
     floor = durations(floor_problem, scenes)
 
-    safety_filter = make_filter(FilterSettings(), robot, table, 0.02)
+    safety_filter = FilterInLoop(FilterSettings(), table)
     busy_scene = next(scene for scene in scenes if safety_filter.filter(scene, DESIRED).constraints == 2)
     benchmark(safety_filter.filter, busy_scene, DESIRED)
     print(
@@ -96,6 +95,6 @@ def test_filter_step(benchmark, table):
     )
     for name, median, tail, busy, share in lines:
         print(f"{name:28s}{median:12.1f}{tail:10.1f}{busy:16.1f}{share:15.1f}")
-    print(f"{'  of it look-ups and rows':28s}{np.median(looked_up):12.1f}{np.quantile(looked_up, 0.99):10.1f}")
+    print(f"{'  of it look-ups':28s}{np.median(looked_up):12.1f}{np.quantile(looked_up, 0.99):10.1f}")
     print(f"{'floor: qpsolvers with daqp':28s}{np.median(floor):12.1f}{np.quantile(floor, 0.99):10.1f}")
     print(f"{'enumeration instead':28s}{np.median(enumerated):12.1f}{np.quantile(enumerated, 0.99):10.1f}")

@@ -11,6 +11,7 @@ import pytest
 
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import run_in_sumo
+from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.optimistic.planner import OptimisticPlanner
 from hj_cosim.reachability.table.table import ValueTable, load_table
 from hj_cosim.scene.observation import Observation, Target
@@ -60,7 +61,7 @@ def scene(seed: int, cars: int, reach: float, spacing: float = 14.0) -> Observat
 
 
 def planner_for(table: ValueTable, **settings) -> OptimisticPlanner:
-    return OptimisticPlanner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), Road(4), table)
+    return make_planner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), Road(4), table)
 
 
 @pytest.mark.parametrize(("cars", "reach"), [(11, 110.0), (100, 500.0)])
@@ -165,7 +166,7 @@ def prediction_errors(name: str, seed: int, seconds: int = 15) -> Iterator[tuple
     table = load_table("highway")
     with SumoWorld(scenario, RobotSettings(), seed) as world:
         world.settle(3.0)
-        planner = OptimisticPlanner(
+        planner = make_planner(
             PlannerSettings(kind="op", expansions=1), RobotSettings(), scenario.drivers, world.road, table
         )
         seen, predicted = [], {}

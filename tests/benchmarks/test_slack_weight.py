@@ -2,12 +2,13 @@
 
 import pytest
 
-from hj_cosim.control.safety_filter import FilterResult, SafetyFilter, make_filter
+from hj_cosim.control.catalogue import make_filter
+from hj_cosim.control.contract import FilterDecision, SafetyFilter
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import drive
-from hj_cosim.planning.optimistic.planner import make_planner
+from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.reachability.table.table import load_table
-from hj_cosim.scene.observation import Control, Observation
+from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.traffic.sumo.world import SumoWorld
 
 SEEDS = range(600, 620)
@@ -18,11 +19,10 @@ class Counting:
     """A filter whose results are counted."""
 
     def __init__(self, inner: SafetyFilter) -> None:
-        self.counts = inner.counts
         self.inner, self.in_k, self.meetable, self.left_unmet = inner, 0, 0, 0
 
-    def filter(self, observation: Observation, desired: Control) -> FilterResult:
-        result = self.inner.filter(observation, desired)
+    def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
+        result = self.inner.filter(observation, values, desired)
         self.in_k += result.intervening
         self.meetable += result.intervening and result.meetable
         self.left_unmet += result.intervening and result.meetable and result.slack > UNMET
@@ -38,8 +38,8 @@ def test_meetable_rows_left_unmet(weight: float) -> None:
         with SumoWorld(config.scenario, config.robot, config.seed, config.simulation.step) as world:
             world.settle(config.simulation.settle_time)
             planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, table)
-            counting = Counting(make_filter(config.filter, config.robot, table, config.simulation.step))
-            record = drive(world, planner, counting, config)
+            counting = Counting(make_filter(config.filter, config.robot, world.road, table, config.simulation.step))
+            record = drive(world, planner, counting, table, config).record
         in_k, meetable, unmet = in_k + counting.in_k, meetable + counting.meetable, unmet + counting.left_unmet
         collided += bool(record.threats.collision.any())
     print(

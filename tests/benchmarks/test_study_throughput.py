@@ -10,12 +10,12 @@ from typing import Any
 import libsumo
 import pytest
 
-from hj_cosim.control.safety_filter import make_filter
+from hj_cosim.control.catalogue import make_filter
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import Episode, drive, run_in_sumo, write_episode
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.metrics.summary import summarize, timing
-from hj_cosim.planning.optimistic.planner import make_planner
+from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.reachability.table.table import find_specification, load_table, table_path
 from hj_cosim.study.design import design_study
 from hj_cosim.study.driving import drive_episode
@@ -77,10 +77,10 @@ def test_where_an_episodes_time_goes(monkeypatch, tmp_path):
     with world:
         spent["world"] = spent["SUMO's steps"] = 0.0  # those of settling are in settling
         planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, table)
-        safety_filter = make_filter(config.filter, config.robot, table, config.simulation.step)
+        safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
         monkeypatch.setattr(type(planner), "plan", timed("planning", type(planner).plan))
         monkeypatch.setattr(type(safety_filter), "filter", timed("filter", type(safety_filter).filter))
-        record = drive(world, planner, safety_filter, config)
+        record = drive(world, planner, safety_filter, table, config).record
     summary = timed("summary", summarize)(record, config)
     timed("writing", write_episode)(
         Episode(config, record, summary, world.drivers, timing(summary, 1.0)), Path(tmp_path) / "run"

@@ -9,10 +9,10 @@ import matplotlib
 import numpy as np
 import pytest
 
-from hj_cosim.control.safety_filter import make_filter
+from hj_cosim.control.catalogue import make_filter
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import drive
-from hj_cosim.planning.optimistic.planner import make_planner
+from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.settings import NetworkSettings, RobotSettings, Scenario, TrafficSettings
 from hj_cosim.traffic.sumo.world import ROBOT, SumoWorld
 
@@ -158,9 +158,9 @@ def test_idle_cosimulation_costs_at_most_twice_bare_sumo(small_table, monkeypatc
         alone.append(bare(config.scenario, steps, requests).sum() * BLOCK)
         with SumoWorld(config.scenario, config.robot, seed=0) as world:
             planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, small_table)
-            safety_filter = make_filter(config.filter, config.robot, small_table, STEP)
+            safety_filter = make_filter(config.filter, config.robot, world.road, small_table, STEP)
             started = clock()
-            drive(world, planner, safety_filter, config)
+            drive(world, planner, safety_filter, small_table, config)
             whole.append(clock() - started)
     ratio = np.median(whole) / np.median(alone)
     print(

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
+from filter_in_loop import FilterInLoop
 
-from hj_cosim.control.safety_filter import ESCAPED, HAD_NO_ESCAPE, make_filter
 from hj_cosim.control.spc.escape import ESCAPING, NO_ESCAPE, PASSED, can_escape, keep_escape, manoeuvres_for
+from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE
 from hj_cosim.errors import TableError
 from hj_cosim.reachability.games.highway.manoeuvres import lower_bounds
 from hj_cosim.scene.observation import Control
@@ -84,7 +85,7 @@ def test_who_keeps_an_escape_is_caught_only_where_there_was_none_at_the_start(ta
 
 def test_the_filter_counts_what_it_gave_way_to_and_holds_the_robots_limits(table, observe):
     near = distance_behind(table, 0.05)
-    spc = make_filter(FilterSettings(keep_escape=True), ROBOT, table, STEP)
+    spc = FilterInLoop(FilterSettings(keep_escape=True), table)
     result = spc.filter(observe([0.0, 4.0, 0.0, 25.0], [[near, 4.0, 0.0, 22.0]]), Control(0.0, 4.0))
     assert result.escaping
     assert result.control.acceleration == ROBOT.acceleration_min
@@ -96,7 +97,7 @@ def test_the_filter_counts_what_it_gave_way_to_and_holds_the_robots_limits(table
 
 def test_without_it_the_filter_is_the_papers(table, observe):
     near = observe([0.0, 4.0, 0.0, 25.0], [[distance_behind(table, 0.05), 4.0, 0.0, 22.0]])
-    alone = make_filter(FilterSettings(), ROBOT, table, STEP)
+    alone = FilterInLoop(FilterSettings(), table)
     result = alone.filter(near, Control(0.0, 4.0))
     assert not result.escaping
     assert not alone.counts
@@ -112,4 +113,4 @@ def test_a_weaker_robot_escapes_within_its_own_limits(table):
 
 def test_another_game_s_table_has_no_manoeuvres_to_keep(linear_table):
     with pytest.raises(TableError, match="no manoeuvres"):
-        make_filter(FilterSettings(keep_escape=True), ROBOT, linear_table, STEP)
+        FilterInLoop(FilterSettings(keep_escape=True), linear_table)

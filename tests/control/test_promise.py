@@ -2,12 +2,12 @@ import math
 
 import numpy as np
 import pytest
+from filter_in_loop import FilterInLoop
 
-from hj_cosim.control.safety_filter import make_filter
 from hj_cosim.reachability.games.highway.rows import recovery_rate
 from hj_cosim.scene.observation import Control
 from hj_cosim.settings import FilterSettings, RobotSettings
-from hj_cosim.verification.promise import promise_kept, promised_rate, realised_value_rates
+from hj_cosim.verification.promise import promise_kept, realised_value_rates
 
 ROBOT = RobotSettings()
 
@@ -23,9 +23,9 @@ def test_rates_are_the_differences_of_v_between_two_instants(linear_table, obser
 
 def test_a_promise_is_kept_when_no_v_in_k_falls_and_broken_when_one_does(linear_table, observe):
     before = observe([0.0, 4.0, 0.0, 25.0], [[47.0, 4.0, 0.0, 24.0]], 1.00)
-    spc = make_filter(FilterSettings(), ROBOT, linear_table, 0.02)
+    spc = FilterInLoop(FilterSettings(), linear_table)
     result = spc.filter(before, Control(0.0, 1.0))
-    assert promised_rate(result) == pytest.approx(0.0, abs=1e-4)
+    assert result.rows.margins(result.control.omega, result.control.acceleration).min() == pytest.approx(0.0, abs=1e-4)
     # The other car is as bad as the table assumes: it brakes at 6 m/s² and drives 0.1 rad across.
     slower, driven = 25.0 + result.control.acceleration * 0.02, 24.94 * math.cos(0.1) * 0.02
     kept = observe([24.97 * 0.02, 4.0, 0.0, slower], [[47.0 + driven, 4.0, 0.0, 24.0 - 0.12]], 1.02)
@@ -35,13 +35,13 @@ def test_a_promise_is_kept_when_no_v_in_k_falls_and_broken_when_one_does(linear_
 
 
 def test_nothing_is_promised_where_k_is_empty_or_the_rows_cannot_be_met(linear_table, observe):
-    spc = make_filter(FilterSettings(), ROBOT, linear_table, 0.02)
+    spc = FilterInLoop(FilterSettings(), linear_table)
     far = observe([0.0, 4.0, 0.0, 25.0], [[90.0, 4.0, 0.0, 24.0]], 1.0)
     near = observe([0.0, 4.0, 0.0, 35.0], [[5.0, 4.0, 0.0, 10.0]], 1.0)
     for seen in (far, near):
         result = spc.filter(seen, Control(0.0, 1.0))
         assert promise_kept(linear_table.arrays, result, seen, seen, 0.1) is None
-    assert promised_rate(spc.filter(far, Control(0.0, 1.0))) == math.inf
+    assert len(spc.filter(far, Control(0.0, 1.0)).rows) == 0
     assert not spc.filter(near, Control(0.0, 1.0)).meetable
 
 
@@ -49,11 +49,11 @@ def test_with_a_recovery_v_below_epsilon_rises_and_at_epsilon_it_holds(linear_ta
     # V = −p_x − 2 v_r + v_o − 20: 1 m with the car at 45 m, 2 m with it at 46 m
     for ahead, rate in ((45.0, 3.0 * (2.0 - 1.0)), (46.0, 0.0)):
         seen = observe([0.0, 4.0, 0.0, 24.0], [[ahead, 4.0, 0.0, 24.0]], 1.0)
-        result = make_filter(FilterSettings(recovery=3.0), ROBOT, linear_table, 0.02).filter(seen, Control(0.0, 1.0))
+        result = FilterInLoop(FilterSettings(recovery=3.0), linear_table).filter(seen, Control(0.0, 1.0))
         gradient = np.array([-1.0, 0.0, 0.0, -2.0, 1.0])
         worst = -6.0 - 24.0 + 24.0 * math.cos(0.1)  # it brakes, and drives as far across as it can
         realised = worst + gradient[3] * result.control.acceleration
-        assert result.value == pytest.approx(ahead - 44.0, abs=1e-3)
+        assert result.rows.value == pytest.approx([ahead - 44.0], abs=1e-3)
         assert realised == pytest.approx(rate, abs=1e-3)
 
 

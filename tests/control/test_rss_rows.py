@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from filter_in_loop import FilterInLoop
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hj_cosim.control.rss.rss_rows import NEVER_SEEN, Response, rss_rows
-from hj_cosim.control.safety_filter import make_filter
+from hj_cosim.control.rss.rss_rows import NEVER_SEEN, RssDistances, rss_rows
 from hj_cosim.scene.observation import Control
-from hj_cosim.settings import FilterSettings, RobotSettings, RssParameters
+from hj_cosim.settings import FilterSettings, RssParameters
 
 CASES = json.loads((Path(__file__).parent / "fixtures" / "rss_proper_response.json").read_text(encoding="utf-8"))
 # The library's defaults, the ego's for both cars; the cases' outcome is the same with ρ = 2 s for the other.
@@ -29,10 +29,7 @@ def respond(observe, frames, parameters=AD_RSS, memory=None):
     memory = np.full(8, NEVER_SEEN) if memory is None else memory
     for robot, *cars in frames:
         seen = observe(state_of(*robot), [state_of(*car) for car in cars])
-        _, rows, dangerous = rss_rows(
-            seen.robot, SIZE, seen.vehicle, seen.x, seen.y, seen.heading, seen.speed, seen.length, seen.width,
-            Response.of(parameters), memory,
-        )  # fmt: skip
+        _, rows, dangerous = rss_rows(seen.robot, SIZE, seen.cars, RssDistances.of(parameters), memory)
     return rows.T, dangerous
 
 
@@ -122,7 +119,7 @@ def test_rows_are_the_derivatives_of_the_robot_s_speeds_along_and_across_the_roa
 @pytest.mark.parametrize("scheme", ["mi", "sw"])
 def test_the_filter_brakes_behind_a_car_that_is_too_near(table, observe, scheme):
     settings = FilterSettings(kind="rss", scheme=scheme)
-    rss = make_filter(settings, RobotSettings(), table, 0.02)
+    rss = FilterInLoop(settings, table)
     rss.filter(observe([0.0, 4.0, 0.0, 24.0], [[90.0, 4.0, 0.0, 22.0]]), Control(0.0, 1.0))
     result = rss.filter(observe([0.0, 4.0, 0.0, 24.0], [[25.0, 4.0, 0.0, 22.0]]), Control(0.0, 1.0))
     assert result.constraints == 1
@@ -130,7 +127,7 @@ def test_the_filter_brakes_behind_a_car_that_is_too_near(table, observe, scheme)
 
 
 def test_the_memory_has_room_for_any_number_of_cars(table, observe):
-    rss = make_filter(FilterSettings(kind="rss"), RobotSettings(), table, 0.02)
+    rss = FilterInLoop(FilterSettings(kind="rss"), table)
     cars = [[1000.0 + 50.0 * j, 4.0, 0.0, 22.0] for j in range(999)] + [[25.0, 4.0, 0.0, 22.0]]
     result = rss.filter(observe([0.0, 4.0, 0.0, 24.0], cars), Control(0.0, 1.0))
     assert set(result.rows.vehicle.tolist()) == {999}

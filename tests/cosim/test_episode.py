@@ -9,13 +9,11 @@ import pandas as pd
 import pytest
 
 from hj_cosim import run_episode
-from hj_cosim.control.safety_filter import make_filter
+from hj_cosim.control.catalogue import make_filter
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import drive, fallback_summary
 from hj_cosim.errors import HjCosimError, RunFolderError, SimulationError
-from hj_cosim.planning.contract import Plan
-from hj_cosim.planning.optimistic.planner import make_planner
-from hj_cosim.scene.observation import Target
+from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.settings import CarStart, RobotSettings
 from hj_cosim.traffic.fake import FakeWorld
 
@@ -24,8 +22,8 @@ def drive_in_fake_world(cars, table, *settings):
     config = resolve_config("paper", assignments=settings)
     world = FakeWorld(cars)
     planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, table)
-    safety_filter = make_filter(config.filter, config.robot, table, config.simulation.step)
-    return drive(world, planner, safety_filter, config)
+    safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
+    return drive(world, planner, safety_filter, table, config).record
 
 
 @pytest.fixture(scope="module")
@@ -123,8 +121,8 @@ def test_progress_reaches_the_end(small_table):
     config = resolve_config("paper", assignments=["planner.kind=idle", "filter.kind=none", "simulation.duration=2.5"])
     world, calls = FakeWorld(), []
     planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, small_table)
-    safety_filter = make_filter(config.filter, config.robot, small_table, 0.02)
-    drive(world, planner, safety_filter, config, progress=lambda done, total: calls.append((done, total)))
+    safety_filter = make_filter(config.filter, config.robot, world.road, small_table, 0.02)
+    drive(world, planner, safety_filter, small_table, config, progress=lambda done, total: calls.append((done, total)))
     assert calls == [(0, 125), (50, 125), (100, 125), (125, 125)]
 
 
@@ -162,34 +160,22 @@ def test_robot_brakes_in_its_lane_while_a_car_is_nowhere_and_the_summary_tells(s
     config = resolve_config("paper", assignments=["simulation.duration=2", f"filter.kind={kind}", "planner.kind=idle"])
     world = BrokenWorld([CarStart(lane=2, x=60.0, speed=20.0)], broken)
     planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, small_table)
-    safety_filter = make_filter(config.filter, config.robot, small_table, 0.02)
-    robot = drive(world, planner, safety_filter, config).robot
+    safety_filter = make_filter(config.filter, config.robot, world.road, small_table, 0.02)
+    driven = drive(world, planner, safety_filter, small_table, config)
+    robot = driven.record.robot
     assert (robot.acceleration[50:] == config.robot.acceleration_min).all()
     assert np.abs(robot.omega).max() <= config.robot.omega_max
     assert np.abs(robot.y - 4.0).max() < 0.1
-    assert fallback_summary(safety_filter.counts)["not_judged_samples"] == 50
+    assert fallback_summary(driven.diagnostics)["not_judged_samples"] == 50
 
 
 def test_robot_that_a_world_puts_nowhere_ends_the_episode(small_table):
     config = resolve_config("paper", assignments=["simulation.duration=2"])
     world = BrokenWorld([], "robot")
     planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, small_table)
-    safety_filter = make_filter(config.filter, config.robot, small_table, 0.02)
+    safety_filter = make_filter(config.filter, config.robot, world.road, small_table, 0.02)
     with pytest.raises(SimulationError, match=r"the world has the robot at p_x, p_y, θ, v = \[nan, .* at 1\.00 s"):
-        drive(world, planner, safety_filter, config)
-
-
-@pytest.mark.parametrize("speed", [math.nan, math.inf])
-def test_plan_that_is_not_finite_ends_in_braking_and_the_summary_tells(small_table, speed):
-    class Confused:
-        def plan(self, observation, previous):
-            return Plan(action=0, target=Target(lane=1, speed=speed))
-
-    config = resolve_config("paper", assignments=["simulation.duration=1"])
-    safety_filter = make_filter(config.filter, config.robot, small_table, 0.02)
-    robot = drive(FakeWorld(), Confused(), safety_filter, config).robot
-    assert (robot.acceleration == config.robot.acceleration_min).all()
-    assert fallback_summary(safety_filter.counts)["desired_not_finite_samples"] == 50
+        drive(world, planner, safety_filter, small_table, config)
 
 
 def test_summary_says_that_nothing_had_to_be_answered_by_braking(sumo_run):

@@ -9,12 +9,11 @@ import pytest
 import sumolib.xml
 
 from hj_cosim.analysis.export import export_run
-from hj_cosim.control.safety_filter import make_filter
+from hj_cosim.control.catalogue import make_filter
 from hj_cosim.cosim.configuration import config_toml, resolve_config
 from hj_cosim.cosim.episode import drive
 from hj_cosim.locations import scenarios_folder
-from hj_cosim.planning.contract import Plan
-from hj_cosim.planning.optimistic.tree_search import LEFT
+from hj_cosim.planning.contract import LEFT, Plan
 from hj_cosim.recording.run_folder import write_run
 from hj_cosim.scene.observation import Observation, Target
 from hj_cosim.traffic.sumo.world import GHOST, SumoWorld
@@ -41,7 +40,8 @@ class WatchedWorld(SumoWorld):
 def straddling_run(small_table, tmp_path_factory) -> Path:
     config = resolve_config("light", assignments=["filter.kind=none", f"simulation.duration={SAMPLES * 0.02}"])
     with WatchedWorld(config.scenario, config.robot, seed=3) as world:
-        record = drive(world, GoLeft(), make_filter(config.filter, config.robot, small_table, 0.02), config)
+        safety_filter = make_filter(config.filter, config.robot, world.road, small_table, 0.02)
+        record = drive(world, GoLeft(), safety_filter, small_table, config).record
         assert world.ghostly_steps > 20
     folder = tmp_path_factory.mktemp("runs") / "run"
     write_run(folder, record, config_toml(config), {}, world.drivers)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from hj_cosim.planning.optimistic.tree_search import LEFT, RIGHT
+from hj_cosim.planning.contract import LEFT, RIGHT
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation, Target
 from hj_cosim.scene.road import Road

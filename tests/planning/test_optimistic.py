@@ -3,9 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hj_cosim.planning.contract import IdlePlanner, Plan, Planner
-from hj_cosim.planning.optimistic.planner import OptimisticPlanner, make_planner, occupied_lanes
-from hj_cosim.planning.optimistic.tree_search import IDLE, LEFT, RIGHT
+from hj_cosim.planning.catalogue import make_planner
+from hj_cosim.planning.contract import IDLE, LEFT, RIGHT, Plan, Planner
+from hj_cosim.planning.idle import IdlePlanner
+from hj_cosim.planning.optimistic.planner import OptimisticPlanner, OptimisticPlannerWithoutValue, occupied_lanes
 from hj_cosim.scene.observation import Target
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
@@ -16,7 +17,7 @@ PAPER = {"expansions": 40, "value_clip": 5.0}
 
 
 def make(table, road=None, **settings):
-    return OptimisticPlanner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), road or Road(4), table)
+    return make_planner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), road or Road(4), table)
 
 
 def worst_value(table, path, second, clip=np.inf):
@@ -32,7 +33,7 @@ def worst_value(table, path, second, clip=np.inf):
 def plan_scene(name, table, **settings):
     scenario = load_scenario(name)
     with FakeWorld(scenario.cars, (1000.0, 4.0 * scenario.robot.lane, 0.0, scenario.robot.speed)) as world:
-        planner = OptimisticPlanner(PlannerSettings(**settings), RobotSettings(), scenario.drivers, world.road, table)
+        planner = make_planner(PlannerSettings(**settings), RobotSettings(), scenario.drivers, world.road, table)
         return planner.plan(world.observe(), Target(scenario.robot.lane, scenario.robot.speed))
 
 
@@ -61,7 +62,7 @@ def test_op_lets_itself_be_boxed_in_and_hjop_does_not(small_table, settings):
 def test_where_the_planners_choose_differently_hjop_is_safer_two_seconds_later(small_table, draw_scene):
     settings = {kind: PlannerSettings(kind=kind, expansions=100) for kind in ("op", "hjop")}
     planners = {
-        kind: OptimisticPlanner(each, RobotSettings(), DriverSettings(), Road(4), small_table)
+        kind: make_planner(each, RobotSettings(), DriverSettings(), Road(4), small_table)
         for kind, each in settings.items()
     }
     differing, safer, seed = 0, 0, 0
@@ -164,7 +165,18 @@ def test_make_planner_makes_what_the_settings_name(small_table, observe):
     idle = make_planner(PlannerSettings(kind="idle"), *arguments)
     assert isinstance(idle, IdlePlanner)
     assert idle.plan(observe([]), Target(2, 21.0)) == Plan(IDLE, Target(2, 21.0))
-    assert isinstance(make_planner(PlannerSettings(kind="op"), *arguments), OptimisticPlanner)
+    assert isinstance(make_planner(PlannerSettings(kind="op"), *arguments), OptimisticPlannerWithoutValue)
+    assert type(make_planner(PlannerSettings(kind="hjop"), *arguments)) is OptimisticPlanner
+
+
+def test_op_plans_as_hjop_with_all_weight_on_the_driving_reward(small_table, draw_scene):
+    for seed in range(5):
+        scene = draw_scene(seed, 16)
+        target = Target(round(scene.robot[1] / 4.0), float(scene.robot[3]))
+        op = make(small_table, kind="op", gamma_r=0.5, expansions=50).plan(scene, target)
+        all_on_driving = make(small_table, kind="hjop", gamma_r=1.0, expansions=50).plan(scene, target)
+        assert (op.action, op.target) == (all_on_driving.action, all_on_driving.target)
+        assert op.statistics.best_value == all_on_driving.statistics.best_value
 
 
 def test_a_planner_of_a_users_own_is_one_class_with_one_method(observe):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hj_cosim.planning.optimistic.planner import OptimisticPlanner
+from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.optimistic.prediction import approach, instants_within
 from hj_cosim.scene.observation import Target
 from hj_cosim.scene.road import Road
@@ -17,7 +17,7 @@ def test_the_predicted_path_is_what_moving_all_cars_step_by_step_gives(
     small_table, draw_scene, reference, scene_seeds, kind
 ):
     planner_settings = PlannerSettings(kind=kind, expansions=60)
-    planner = OptimisticPlanner(planner_settings, RobotSettings(), DriverSettings(), Road(4), small_table)
+    planner = make_planner(planner_settings, RobotSettings(), DriverSettings(), Road(4), small_table)
     for seed, cars in scene_seeds:
         scene = draw_scene(seed, cars)
         target = Target(round(scene.robot[1] / 4.0), float(scene.robot[3]))
@@ -40,7 +40,7 @@ def test_the_predicted_path_is_what_moving_all_cars_step_by_step_gives(
 def test_a_car_behind_brakes_for_a_robot_that_cuts_in_and_one_behind_that_one_for_it(small_table, observe):
     scene = observe([(2, -12.0, 24.0), (2, -60.0, 24.0), (0, -12.0, 24.0), (1, -60.0, 24.0)])
     # Without a reward for lanes the robot keeps to the lane that it is told, and only speeds up.
-    planner = OptimisticPlanner(
+    planner = make_planner(
         PlannerSettings(kind="op", expansions=1, lane_weight=0.0, action_time=2.0),
         RobotSettings(),
         DriverSettings(),
@@ -85,14 +85,14 @@ def test_approach_gets_no_farther_than_it_may_and_never_beyond(value, target, di
 def test_a_crash_between_two_seconds_is_found(small_table, observe):
     # The robot passes right through the slow car: 14 m ahead at first, 6 m behind a second later.
     scene = observe([(0, 14.0, 0.0)], lane=0, speed=20.0)
-    planner = OptimisticPlanner(
+    planner = make_planner(
         PlannerSettings(kind="op", expansions=100), RobotSettings(), DriverSettings(), Road(1), small_table
     )
     assert planner.plan(scene, Target(0, 20.0)).statistics.depth == 1
 
 
 def test_the_planned_speed_is_approached_as_the_tracking_controller_does(small_table, observe):
-    planner = OptimisticPlanner(
+    planner = make_planner(
         PlannerSettings(kind="op", expansions=1, speed_high=100.0), RobotSettings(), DriverSettings(), Road(1),
         small_table,
     )  # fmt: skip

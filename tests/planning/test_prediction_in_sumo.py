@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from hj_cosim.planning.contract import IDLE
 from hj_cosim.planning.optimistic.planner import OptimisticPlanner
-from hj_cosim.planning.optimistic.tree_search import IDLE
 from hj_cosim.scene.observation import Target
 from hj_cosim.settings import PlannerSettings, RobotSettings
 from hj_cosim.traffic.sources.scenarios import load_scenario

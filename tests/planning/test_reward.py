@@ -62,11 +62,10 @@ def test_values_beyond_the_clip_and_no_car_at_all_are_worth_the_same():
 
 
 def test_op_is_hjop_with_all_weight_on_the_driving_reward():
-    op = reward_model(PlannerSettings(kind="op"), ROAD)
-    assert op == reward_model(PlannerSettings(kind="hjop", gamma_r=1.0), ROAD)
+    op = reward_model(PlannerSettings(gamma_r=1.0), ROAD)
     assert total_reward(24.0, 1, False, -5.0, op) == total_reward(24.0, 1, False, 5.0, op)
 
 
 def test_a_road_of_one_lane_rewards_no_lane():
-    weights = reward_model(PlannerSettings(kind="op", speed_floor=15.0), Road(1))
+    weights = reward_model(PlannerSettings(gamma_r=1.0, speed_floor=15.0), Road(1))
     assert total_reward(30.0, 0, False, 0.0, weights) == pytest.approx(1.0)

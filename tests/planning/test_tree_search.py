@@ -4,14 +4,10 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
-from hj_cosim.planning.optimistic.planner import OptimisticPlanner
+from hj_cosim.planning.catalogue import make_planner
+from hj_cosim.planning.contract import FASTER, IDLE, LEFT, RIGHT, SLOWER
 from hj_cosim.planning.optimistic.tree_search import (
-    FASTER,
-    IDLE,
-    LEFT,
     NODE,
-    RIGHT,
-    SLOWER,
     empty_tree,
     pop_leaf,
     push_leaf,
@@ -24,7 +20,7 @@ ROAD = Road(4)
 
 
 def make(table, road=ROAD, **settings):
-    return OptimisticPlanner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), road, table)
+    return make_planner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), road, table)
 
 
 def test_the_frontier_gives_the_highest_bound_first_then_the_shallower_then_the_older():

@@ -29,7 +29,7 @@ def test_every_setting_is_described_and_every_real_number_has_its_unit(group):
 @pytest.mark.parametrize("preset", ["best", "paper"])
 def test_list_has_every_leaf_of_a_configuration_with_its_default(preset):
     def leaves(value, key=""):
-        if isinstance(value, dict):
+        if isinstance(value, dict) and value:
             for name, below in value.items():
                 yield from leaves(below, f"{key}.{name}" if key else name)
         else:

@@ -28,7 +28,7 @@ def test_unknown_key_is_named_with_the_known_ones():
         ({"discount": 1.0}, r"discount = 1\.0: input should be less than 1"),
         ({"expansions": 0}, r"expansions = 0: input should be greater than or equal to 1"),
         ({"gamma_r": "much"}, r"gamma_r = 'much': input should be a valid number"),
-        ({"kind": "mcts"}, r"kind = 'mcts': input should be 'hjop', 'op' or 'idle'"),
+        ({"kind": 3}, r"kind = 3: input should be a valid string"),
         ({"value_clip": math.nan}, r"value_clip = nan: input should be a finite number"),
         ({"speed_low": 30.0, "speed_high": 20.0}, r"speed_high \(20\.0\) must exceed speed_low \(30\.0\)"),
     ],

@@ -1,5 +1,8 @@
 """Real episodes in worker processes: what they write does not depend on how many there are."""
 
+import json
+from pathlib import Path
+
 import pytest
 
 from hj_cosim.cosim.configuration import resolve_config
@@ -35,3 +38,29 @@ def test_an_episode_is_the_same_bytes_with_one_worker_and_with_two(drive_with):
     one, two = drive_with(1), drive_with(2)
     assert one == two
     assert one[SEEDS[0], "trajectories.parquet"] != one[SEEDS[1], "trajectories.parquet"]
+
+
+def test_workers_resolve_a_planner_of_one_s_own_and_one_that_fails_stops_its_episode_alone(
+    small_table, small_specification, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    Path("mine.py").write_text(
+        "from hj_cosim.planning.contract import Plan\n\n\n"
+        "class Keep:\n    def plan(self, observation, previous):\n        return Plan(0, previous)\n\n\n"
+        "class Lost:\n    def plan(self, observation, previous):\n        return self.way\n"
+    )
+    settings = ["filter.kind=none", "simulation.duration=0.2", "simulation.settle_time=0.1"]
+    jobs = [
+        EpisodeJob(
+            resolve_config("light", flags={"planner": {"kind": f"mine.py:{name}"}}, assignments=settings),
+            table_path(small_specification),
+            tmp_path / name,
+        )
+        for name in ("Lost", "Keep")
+    ]
+    monkeypatch.chdir("/")  # a worker's own folder is not the one that the reference was written in
+    errors = {outcome.job.folder.name: outcome.error for outcome in LocalWorkers(1).run(jobs, drive_episode)}
+    assert errors["Keep"] is None
+    assert "mine.py:11: Lost.plan raised AttributeError" in errors["Lost"]
+    assert json.loads((tmp_path / "Keep" / "summary.json").read_text())["planner"] == "Keep"
+    assert not (tmp_path / "Lost").exists()

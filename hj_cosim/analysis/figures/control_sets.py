@@ -6,7 +6,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
-from hj_cosim.control.safety_filter import FilterResult, make_filter
+from hj_cosim.control.catalogue import make_filter
+from hj_cosim.control.guard import GuardedFilter
+from hj_cosim.control.problem.nearest_control import RowsDecision
+from hj_cosim.errors import OutputError
+from hj_cosim.reachability.table.car_values import car_values
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.run_folder import Run
 from hj_cosim.scene.observation import Control
@@ -54,16 +58,20 @@ def _busiest_sample(run: Run) -> int:
     return int(np.lexsort((robot.value, -robot.constraints, unmeetable))[0])
 
 
-def _filtered(run: Run, table: ValueTable, sample: int, robot: RobotSettings, kind: str, scheme: str) -> FilterResult:
-    """Return what a filter does at a sample, after it has watched the run for a while."""
+def _filtered(run: Run, table: ValueTable, sample: int, robot: RobotSettings, kind: str, scheme: str) -> RowsDecision:
+    """Return what a filter decides at a sample, after it has watched the run for a while."""
     record = run.record
     step = float(run.config["simulation"]["step"])
-    settings = FilterSettings.model_validate({**run.config["filter"], "kind": kind, "scheme": scheme})
-    safety_filter = make_filter(settings, robot, table, step)
+    settings = FilterSettings.model_validate({**run.config["filter"], "kind": kind, "scheme": scheme, "options": {}})
+    safety_filter = make_filter(settings, robot, record.road, table, step)
+    guarded = GuardedFilter(safety_filter, robot)
     for seen in range(max(sample - round(MEMORY / step), 0), sample + 1):
         desired = Control(float(record.robot.omega_desired[seen]), float(record.robot.acceleration_desired[seen]))
-        result = safety_filter.filter(record.observation(seen), desired)
-    return result
+        observation = record.observation(seen)
+        decision = guarded.filter(observation, car_values(table, observation), desired)
+    if not isinstance(decision, RowsDecision):
+        raise OutputError(f"{run.folder} at {record.time[sample]:.2f} s: no filter can judge what was recorded there")
+    return decision
 
 
 def _draw_control(axes: Axes, control: Control, marker: str, colour: str, size: float, label: str) -> None:
@@ -82,7 +90,7 @@ def _draw_control(axes: Axes, control: Control, marker: str, colour: str, size: 
     )
 
 
-def _draw_set(axes: Axes, result: FilterResult, robot: RobotSettings) -> None:
+def _draw_set(axes: Axes, result: RowsDecision, robot: RobotSettings) -> None:
     omega = np.linspace(-robot.omega_max, robot.omega_max, 241)
     acceleration = np.linspace(robot.acceleration_min, robot.acceleration_max, 241)
     grid_omega, grid_acceleration = np.meshgrid(omega, acceleration)
@@ -96,7 +104,7 @@ def _draw_set(axes: Axes, result: FilterResult, robot: RobotSettings) -> None:
     axes.set(xlim=(omega[0], omega[-1]), ylim=(acceleration[0], acceleration[-1]))
 
 
-def _rows(results: dict[tuple[str, str], FilterResult]) -> list[dict[str, object]]:
+def _rows(results: dict[tuple[str, str], RowsDecision]) -> list[dict[str, object]]:
     """Return a row for each half-plane p ω + q a + c >= 0, with the control chosen under it."""
     rows: list[dict[str, object]] = []
     for (kind, scheme), result in results.items():

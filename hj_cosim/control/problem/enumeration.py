@@ -1,12 +1,24 @@
 """The safety problem solved exactly, by enumeration: in jitted rollouts, and where every other solver has failed."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 # Up to so many rows all of them are enumerated together.
 _FEW = 4
+
+
+class _ScaledProblem(NamedTuple):
+    """The problem with t eliminated, in coordinates scaled by the weights, in which the quadratic is a distance."""
+
+    slope: np.ndarray  # (n, 2) of the affine pieces whose largest is the slack
+    offset: np.ndarray  # (n,)
+    target: np.ndarray  # (2,) the desired control
+    slack_weight: float
+    low: np.ndarray  # (2,) the box
+    high: np.ndarray  # (2,)
 
 
 @njit(cache=True)
@@ -76,7 +88,6 @@ def _enumerated(
     tolerance and nothing that can fail. O(K⁴), a microsecond for K <= 3.
     """
     rows = len(p)
-    # The affine pieces in coordinates scaled by the weights, in which the quadratic is a squared distance.
     pieces = rows if slack_is_free else rows + 1
     scale_omega, scale_a = math.sqrt(weights[0]), math.sqrt(weights[1])
     slope = np.zeros((pieces, 2))
@@ -89,6 +100,8 @@ def _enumerated(
     high = np.array([box[1] * scale_omega, box[3] * scale_a])
     target = np.array([desired_omega * scale_omega, desired_acceleration * scale_a])
 
+    problem = _ScaledProblem(slope, offset, target, weights[2], low, high)
+
     best = np.array([math.inf, 0.0, 0.0, 0.0])  # cost, point, slack
     if pieces == 0:
         x, y = min(max(target[0], low[0]), high[0]), min(max(target[1], low[1]), high[1])
@@ -97,40 +110,30 @@ def _enumerated(
         # A separable quadratic over a box: clip each coordinate.
         x = min(max(target[0] - 0.5 * weights[2] * slope[i, 0], low[0]), high[0])
         y = min(max(target[1] - 0.5 * weights[2] * slope[i, 1], low[1]), high[1])
-        _keep_cheaper(x, y, slope, offset, target, weights[2], best)
+        _keep_cheaper(x, y, problem, best)
         for j in range(i + 1, pieces):
-            _try_equal_pair(i, j, slope, offset, target, weights[2], low, high, best)
+            _try_equal_pair(i, j, problem, best)
             for k in range(j + 1, pieces):
-                _try_equal_triple(i, j, k, slope, offset, target, weights[2], low, high, best)
+                _try_equal_triple(i, j, k, problem, best)
     omega = min(max(best[1] / scale_omega, box[0]), box[1])
     acceleration = min(max(best[2] / scale_a, box[2]), box[3])
     return omega, acceleration, best[3]
 
 
 @njit(cache=True)
-def _keep_cheaper(
-    x: float, y: float, slope: np.ndarray, offset: np.ndarray, target: np.ndarray, slack_weight: float, best: np.ndarray
-) -> None:
+def _keep_cheaper(x: float, y: float, problem: _ScaledProblem, best: np.ndarray) -> None:
+    slope, offset, target = problem.slope, problem.offset, problem.target
     slack = -math.inf
     for k in range(len(offset)):
         slack = max(slack, slope[k, 0] * x + slope[k, 1] * y + offset[k])
-    cost = (x - target[0]) ** 2 + (y - target[1]) ** 2 + slack_weight * slack
+    cost = (x - target[0]) ** 2 + (y - target[1]) ** 2 + problem.slack_weight * slack
     if cost < best[0]:
         best[0], best[1], best[2], best[3] = cost, x, y, slack
 
 
 @njit(cache=True)
-def _try_equal_pair(
-    i: int,
-    j: int,
-    slope: np.ndarray,
-    offset: np.ndarray,
-    target: np.ndarray,
-    slack_weight: float,
-    low: np.ndarray,
-    high: np.ndarray,
-    best: np.ndarray,
-) -> None:
+def _try_equal_pair(i: int, j: int, problem: _ScaledProblem, best: np.ndarray) -> None:
+    slope, offset, target, slack_weight, low, high = problem
     normal_x, normal_y = slope[i, 0] - slope[j, 0], slope[i, 1] - slope[j, 1]
     length = math.hypot(normal_x, normal_y)
     if length == 0.0:  # the same row twice, or parallel ones
@@ -157,22 +160,12 @@ def _try_equal_pair(
     along = min(max(along, first), last)
     x = min(max(foot[0] + along * direction[0], low[0]), high[0])
     y = min(max(foot[1] + along * direction[1], low[1]), high[1])
-    _keep_cheaper(x, y, slope, offset, target, slack_weight, best)
+    _keep_cheaper(x, y, problem, best)
 
 
 @njit(cache=True)
-def _try_equal_triple(
-    i: int,
-    j: int,
-    k: int,
-    slope: np.ndarray,
-    offset: np.ndarray,
-    target: np.ndarray,
-    slack_weight: float,
-    low: np.ndarray,
-    high: np.ndarray,
-    best: np.ndarray,
-) -> None:
+def _try_equal_triple(i: int, j: int, k: int, problem: _ScaledProblem, best: np.ndarray) -> None:
+    slope, offset, _, _, low, high = problem
     a, b, e = slope[i, 0] - slope[j, 0], slope[i, 1] - slope[j, 1], offset[j] - offset[i]
     c, d, f = slope[i, 0] - slope[k, 0], slope[i, 1] - slope[k, 1], offset[k] - offset[i]
     determinant = a * d - b * c
@@ -180,4 +173,4 @@ def _try_equal_triple(
         return
     x, y = (e * d - b * f) / determinant, (a * f - e * c) / determinant
     if low[0] <= x <= high[0] and low[1] <= y <= high[1]:
-        _keep_cheaper(x, y, slope, offset, target, slack_weight, best)
+        _keep_cheaper(x, y, problem, best)

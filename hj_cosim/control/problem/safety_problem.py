@@ -67,6 +67,9 @@ class SafetyRows:
         return self.p * omega + self.q * acceleration + self.c
 
 
+NO_ROWS = SafetyRows(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
+
+
 @dataclass(frozen=True)
 class SafetyWeights:
     """λ of the problem, λ_2 the tie weight in SW, and whether t may be negative (SW)."""
@@ -283,15 +286,6 @@ class SafetySolver:
                 np.array([box[1] / self._scale[0], box[3] / self._scale[1], math.inf]),
             )
         return self._bounds
-
-    def objective(self, rows: SafetyRows, desired: tuple[float, float], control: tuple[float, float]) -> float:
-        """Return the cost of a control (ω, a), with the t that it needs; `desired` likewise."""
-        needed = -float(rows.margins(*control).min())
-        return (
-            self.weights.omega * (control[0] - desired[0]) ** 2
-            + self.weights.acceleration * (control[1] - desired[1]) ** 2
-            + self.weights.slack * (needed if self.weights.slack_is_free else max(needed, 0.0))
-        )
 
     def _answer_of(
         self,

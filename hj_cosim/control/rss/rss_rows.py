@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from hj_cosim.scene.observation import FARTHEST
+from hj_cosim.scene.observation import FARTHEST, Cars
 from hj_cosim.settings import RssParameters
 from hj_cosim.vehicles.rss import lateral_distance, longitudinal_distance
 
@@ -37,8 +37,8 @@ LATERALLY_SAFE = 2
 NEVER_SEEN = LONGITUDINALLY_SAFE | LATERALLY_SAFE  # both directions respond
 
 
-class Response(NamedTuple):
-    """`RssParameters` as kernels take them."""
+class RssDistances(NamedTuple):
+    """What the RSS distances depend on: `RssParameters` as kernels take them."""
 
     response_time: float
     acceleration: float
@@ -49,38 +49,30 @@ class Response(NamedTuple):
     lateral_margin: float
 
     @classmethod
-    def of(cls, parameters: RssParameters) -> "Response":
+    def of(cls, parameters: RssParameters) -> "RssDistances":
         """Return the parameters of a configuration."""
         return cls(**parameters.model_dump())
 
 
 @njit(cache=True)
-def pair_safety(
-    robot: np.ndarray,
-    robot_size: np.ndarray,
-    x: float,
-    y: float,
-    heading: float,
-    speed: float,
-    length: float,
-    width: float,
-    rss: Response,
-) -> int:
+def pair_safety(robot: np.ndarray, robot_size: np.ndarray, cars: Cars, j: int, rss: RssDistances) -> int:
     """Return which directions are safe between the robot and a car: bits LONGITUDINALLY_SAFE, LATERALLY_SAFE.
 
     Args:
         robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
         robot_size: (2,) length and width, m.
-        x, y, heading, speed, length, width: the other car.
+        cars: the other cars.
+        j: the index of the one.
         rss: parameters, the same for both cars.
     """
     safe = 0
-    d_x, d_y = robot[0] - x, robot[1] - y
+    d_x, d_y = robot[0] - cars.x[j], robot[1] - cars.y[j]
+    speed, heading = cars.speed[j], cars.heading[j]
     robot_along, other_along = robot[3] * math.cos(robot[2]), speed * math.cos(heading)
     # At the same place the robot counts as the rear car, which has the duty to brake.
     rear, front = (other_along, robot_along) if d_x > 0.0 else (robot_along, other_along)
     needed = longitudinal_distance(rear, front, rss.response_time, rss.acceleration, rss.brake_min, rss.brake_max)
-    if abs(d_x) - 0.5 * (robot_size[0] + length) > needed:
+    if abs(d_x) - 0.5 * (robot_size[0] + cars.length[j]) > needed:
         safe |= LONGITUDINALLY_SAFE
     robot_across, other_across = robot[3] * math.sin(robot[2]), speed * math.sin(heading)
     # Speeds towards each other: the left car's to the right, the right car's to the left.
@@ -96,7 +88,7 @@ def pair_safety(
         rss.lateral_brake,
         rss.lateral_margin,
     )
-    if abs(d_y) - 0.5 * (robot_size[1] + width) > needed:
+    if abs(d_y) - 0.5 * (robot_size[1] + cars.width[j]) > needed:
         safe |= LATERALLY_SAFE
     return safe
 
@@ -105,14 +97,8 @@ def pair_safety(
 def rss_rows(
     robot: np.ndarray,
     robot_size: np.ndarray,
-    vehicle: np.ndarray,
-    x: np.ndarray,
-    y: np.ndarray,
-    heading: np.ndarray,
-    speed: np.ndarray,
-    length: np.ndarray,
-    width: np.ndarray,
-    rss: Response,
+    cars: Cars,
+    rss: RssDistances,
     memory: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Return the proper response's rows and how many cars are dangerous; updates the memory.
@@ -120,8 +106,7 @@ def rss_rows(
     Args:
         robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
         robot_size: (2,) length and width, m.
-        vehicle: (J,) int, each car's number, its place in the memory.
-        x, y, heading, speed, length, width: (J,) of the other cars.
+        cars: the other cars, all finite; their numbers are their places in the memory.
         rss: parameters.
         memory: (N,) int, which directions were safe when pair n was last not dangerous; written.
 
@@ -129,34 +114,35 @@ def rss_rows(
         (R,) int, the car of each row (a car has up to two); (3, R) the rows' p, q, c; the dangerous cars' number,
         −1 if a body is not possible.
     """
-    cars = np.empty(2 * len(x), dtype=np.int64)
+    x, y, length, width = cars.x, cars.y, cars.length, cars.width
+    whose = np.empty(2 * len(x), dtype=np.int64)
     rows = np.empty((3, 2 * len(x)))
     count, dangerous = 0, 0
     cos, sin = math.cos(robot[2]), math.sin(robot[2])
     for j in range(len(x)):
         if not (0.0 <= length[j] <= FARTHEST and 0.0 <= width[j] <= FARTHEST):
-            return cars[:0], rows[:, :0], -1
+            return whose[:0], rows[:, :0], -1
     for j in range(len(x)):
-        safe = pair_safety(robot, robot_size, x[j], y[j], heading[j], speed[j], length[j], width[j], rss)
+        safe = pair_safety(robot, robot_size, cars, j, rss)
         if safe != 0:
-            memory[vehicle[j]] = safe
+            memory[cars.vehicle[j]] = safe
             continue
         dangerous += 1
-        before = memory[vehicle[j]]
+        before = memory[cars.vehicle[j]]
         d_y = robot[1] - y[j]
         overlapping = abs(d_y) < 0.5 * (robot_size[1] + width[j])
         if before & LONGITUDINALLY_SAFE or overlapping:
             sign = 1.0 if robot[0] > x[j] else -1.0
-            cars[count] = j
+            whose[count] = j
             rows[0, count] = -sign * robot[3] * sin
             rows[1, count] = sign * cos
             rows[2, count] = rss.brake_max if sign > 0.0 else -rss.brake_min
             count += 1
         if before & LATERALLY_SAFE:
             sign = 1.0 if d_y > 0.0 else -1.0
-            cars[count] = j
+            whose[count] = j
             rows[0, count] = sign * robot[3] * cos
             rows[1, count] = sign * sin
             rows[2, count] = -rss.lateral_brake
             count += 1
-    return cars[:count], rows[:, :count], dangerous
+    return whose[:count], rows[:, :count], dangerous

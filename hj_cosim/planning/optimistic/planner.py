@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.planning.contract import IdlePlanner, Plan, Planner, PlanStatistics, PredictedTrajectory
+from hj_cosim.planning.contract import ACTION_COUNT, Plan, PlanStatistics, PredictedTrajectory
 from hj_cosim.planning.optimistic.prediction import (
     LANE,
     LATERAL,
@@ -21,7 +21,6 @@ from hj_cosim.planning.optimistic.prediction import (
 )
 from hj_cosim.planning.optimistic.reward import reward_model
 from hj_cosim.planning.optimistic.tree_search import (
-    ACTION_COUNT,
     ROOT,
     ActionModel,
     Tree,
@@ -36,7 +35,7 @@ from hj_cosim.scene.road import Road
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 from hj_cosim.vehicles.mobil import mobil_parameters
 
-# Drivers notice the robot in a lane when its centre is this far beyond the lane's border, or nearer (SPEC section 4).
+# Drivers notice the robot in a lane when its centre is this far beyond the lane's border, or nearer.
 NOTICE_MARGIN = 1.0  # m
 # Expansions times vehicles: a tree of some 4 GB.
 LARGEST_TREE = 40_000_000
@@ -75,7 +74,7 @@ def prediction_model(settings: PlannerSettings, drivers: DriverSettings, road: R
 
 
 class OptimisticPlanner:
-    """Optimistic planning; OP where `settings.kind` is "op" or `gamma_r` is 1, else HJOP.
+    """HJOP: optimistic planning with the HJI term, of the weight 1 − γ_R.
 
     The default budget of 300 expansions takes some 5 ms. In `paper`, HJOP without a filter drives as with ten times as
     many, and worse with fewer; in random dense scenes its first action loses 0.13 of at most 10 (0.38 with 40
@@ -154,6 +153,11 @@ class OptimisticPlanner:
                 trajectory=self._trajectory(self._tree, path, observation, cars),
             ),
         )
+
+    def prepare(self, observation: Observation) -> None:
+        """Compile the search, with a plan that nobody follows; it does not change what `plan` answers."""
+        robot = observation.robot
+        self.plan(observation, Target(self._road.lane_at(float(robot[1])), float(robot[3])))
 
     def predict(self, observation: Observation, previous: Target, actions: Sequence[int]) -> PredictedTrajectory:
         """Return what the model expects of a given sequence of actions.
@@ -252,10 +256,10 @@ def _path_to(tree: Tree, node: int) -> np.ndarray:
     return np.array(path[::-1])
 
 
-def make_planner(
-    settings: PlannerSettings, robot: RobotSettings, drivers: DriverSettings, road: Road, table: ValueTable
-) -> Planner:
-    """Return the planner that `settings.kind` names; the arguments are OptimisticPlanner's."""
-    if settings.kind == "idle":
-        return IdlePlanner()
-    return OptimisticPlanner(settings, robot, drivers, road, table)
+class OptimisticPlannerWithoutValue(OptimisticPlanner):
+    """OP: the same search with the driving reward alone, γ_R = 1, for which V is not looked up."""
+
+    def __init__(
+        self, settings: PlannerSettings, robot: RobotSettings, drivers: DriverSettings, road: Road, table: ValueTable
+    ) -> None:
+        super().__init__(settings.model_copy(update={"gamma_r": 1.0}), robot, drivers, road, table)

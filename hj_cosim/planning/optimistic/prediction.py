@@ -70,6 +70,16 @@ class PredictionModel(NamedTuple):
     notice_reach: float  # m, drivers notice the robot in lanes whose centre line is nearer to its centre
 
 
+class Vehicles(NamedTuple):
+    """The vehicles of a scene, as car following and MOBIL read them: rows (M,) of its state and its places."""
+
+    position: np.ndarray  # m
+    speed: np.ndarray  # m/s
+    lane: np.ndarray  # int64
+    second_lane: np.ndarray  # int64
+    length: np.ndarray  # m
+
+
 class Scene(NamedTuple):
     """Work space: the M = J + 1 vehicles at one instant and how they move during one action of K steps."""
 
@@ -121,20 +131,17 @@ def decide_and_find_leaders(scene: Scene, robot: int, model: PredictionModel) ->
     One sweep from the front to the back remembers the last vehicle seen in each lane. A car that begins to change
     lanes is in both for those behind it, so that no two take the same gap at once.
     """
-    position, speed, length = scene.state[POSITION], scene.state[SPEED], scene.state[LENGTH]
     lane, second_lane = scene.place[LANE], scene.place[SECOND_LANE]
+    everybody = Vehicles(scene.state[POSITION], scene.state[SPEED], lane, second_lane, scene.state[LENGTH])
     leader, follows_in = scene.place[LEADER], scene.place[FOLLOWS_IN]
     vehicles, cars = scene.nearest[0], scene.nearest[1]
-    driver, drivers, mobil, lane_count = model.driver, model.drivers, model.mobil, model.lane_count
     vehicles[:] = NOBODY
     cars[:] = NOBODY
     taken = 0  # the lanes in which the nearest car behind the robot has been found
-    for car in range(len(position) - 1, -1, -1):
+    for car in range(len(lane) - 1, -1, -1):
         if car != robot:
             if lane[car] == second_lane[car] and vehicles[lane[car]] != NOBODY:
-                lane[car] = wanted_lane(
-                    car, vehicles, position, speed, lane, second_lane, length, driver, drivers, mobil, lane_count
-                )
+                lane[car] = wanted_lane(car, vehicles, everybody, model)
             ahead, other_ahead = cars[lane[car]], cars[second_lane[car]]
             leader[car] = other_ahead if ahead == NOBODY or NOBODY < other_ahead < ahead else ahead
             follows_in[car] = 0
@@ -149,19 +156,7 @@ def decide_and_find_leaders(scene: Scene, robot: int, model: PredictionModel) ->
 
 
 @njit(cache=True, error_model="numpy")
-def wanted_lane(
-    car: int,
-    ahead: np.ndarray,
-    position: np.ndarray,
-    speed: np.ndarray,
-    lane: np.ndarray,
-    second_lane: np.ndarray,
-    length: np.ndarray,
-    driver: tuple[float, ...],
-    drivers: np.ndarray,
-    mobil: np.ndarray,
-    lane_count: int,
-) -> int:
+def wanted_lane(car: int, ahead: np.ndarray, vehicles: Vehicles, model: PredictionModel) -> int:
     """Return the lane that a car drives to by MOBIL, its own where it stays.
 
     Without politeness no lane is wanted in which the car itself would not gain more than the threshold, and that
@@ -170,33 +165,31 @@ def wanted_lane(
     Args:
         car: its column.
         ahead: (lanes,) the nearest vehicle ahead of it in each lane.
-        position, speed, lane, second_lane, length: (M,) rows of the scene.
-        driver: the car's IDM parameters.
-        drivers: (M, 6) all vehicles'.
-        mobil: (3,) MOBIL's parameters.
-        lane_count: lanes of the road.
+        vehicles: of the scene.
+        model: the drivers' parameters and the lanes.
     """
+    mobil = model.mobil
+    position, speed, lane, second_lane, length = vehicles
     here = lane[car]
     wanted, best = here, 0.0
-    now = acceleration_behind(ahead[here], car, position, speed, length, driver)
+    now = acceleration_behind(ahead[here], car, vehicles, model.driver)
     for target in (here + 1, here - 1):  # the left first: it wins a tie
-        if target < 0 or target >= lane_count:
+        if target < 0 or target >= model.lane_count:
             continue
         if mobil[POLITENESS] == 0.0:
-            gain = acceleration_behind(ahead[target], car, position, speed, length, driver) - now
+            gain = acceleration_behind(ahead[target], car, vehicles, model.driver) - now
             if gain <= mobil[GAIN_THRESHOLD]:
                 continue
-        incentive = lane_change_incentive(car, target, position, speed, lane, second_lane, length, drivers, mobil)
+        incentive = lane_change_incentive(car, target, position, speed, lane, second_lane, length, model.drivers, mobil)
         if incentive > best:
             wanted, best = target, incentive
     return wanted
 
 
 @njit(cache=True, error_model="numpy")
-def acceleration_behind(
-    leader: int, car: int, position: np.ndarray, speed: np.ndarray, length: np.ndarray, driver: tuple[float, ...]
-) -> float:
+def acceleration_behind(leader: int, car: int, vehicles: Vehicles, driver: tuple[float, ...]) -> float:
     """Return IDM's acceleration of a car behind `leader`, or on a free road where that is NOBODY, m/s²."""
+    position, speed, length = vehicles.position, vehicles.speed, vehicles.length
     if leader == NOBODY:
         return idm_acceleration(speed[car], math.inf, 0.0, driver)
     gap = position[leader] - position[car] - 0.5 * (length[leader] + length[car])

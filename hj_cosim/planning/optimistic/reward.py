@@ -28,7 +28,7 @@ def reward_model(settings: PlannerSettings, road: Road) -> RewardModel:
 
     The range is that of the reward's formula over the speeds that may be planned, every lane, and both outcomes.
     """
-    gamma_r = 1.0 if settings.kind == "op" else settings.gamma_r
+    gamma_r = settings.gamma_r
     slowest = settings.speed_weight * (settings.speed_floor - settings.speed_low)
     slowest /= settings.speed_high - settings.speed_low
     lane_weight = settings.lane_weight if road.lane_count > 1 else 0.0

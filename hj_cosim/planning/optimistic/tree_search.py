@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hj_cosim.planning.contract import ACTION_COUNT
 from hj_cosim.planning.optimistic.prediction import (
     BRANCH,
     LANE,
@@ -41,8 +42,7 @@ from hj_cosim.planning.optimistic.prediction import (
 from hj_cosim.planning.optimistic.reward import RewardModel, total_reward
 from hj_cosim.reachability.table.lookup import TableArrays, shift_of_grid, value_at
 
-IDLE, FASTER, SLOWER, LEFT, RIGHT = range(5)
-ACTION_COUNT = 5
+# Of each action, in the order of planning.contract.
 LANE_CHANGE = (0, 0, 0, 1, -1)
 SPEED_CHANGE = (0, 1, -1, 0, 0)  # in steps of the planned speed
 ROOT = 0
@@ -72,6 +72,14 @@ class ActionModel(NamedTuple):
     speed_floor: float  # m/s
     speed_high: float  # m/s
     expansions: int  # the budget
+
+
+class PlannedState(NamedTuple):
+    """What one of the robot's actions leads to: the planner state."""
+
+    action: int
+    lane: int  # l_p
+    speed: float  # v_p, m/s
 
 
 class Tree(NamedTuple):
@@ -138,7 +146,7 @@ def search(
                 continue
             if not may_change_lane(LANE_CHANGE[action], off_centre, prediction.lane_width):
                 continue
-            crashed = add_child(tree, node, count, action, lane, speed, scene, robot, prediction)
+            crashed = add_child(tree, node, count, PlannedState(action, lane, speed), scene, robot, prediction)
             child = nodes[count]
             worst = math.inf
             if weights.gamma_r < 1.0:
@@ -172,7 +180,7 @@ def roll_out(
         lane = tree.nodes[node].planned_lane + LANE_CHANGE[action]
         speed = tree.nodes[node].planned_speed + SPEED_CHANGE[action] * speed_step
         robot = open_node(tree, node, scene, bodies, prediction)
-        add_child(tree, node, node + 1, action, lane, speed, scene, robot, prediction)
+        add_child(tree, node, node + 1, PlannedState(action, lane, speed), scene, robot, prediction)
 
 
 @njit(cache=True, error_model="numpy")
@@ -189,23 +197,21 @@ def add_child(
     tree: Tree,
     node: int,
     child: int,
-    action: int,
-    planned_lane: int,
-    planned_speed: float,
+    planned: PlannedState,
     scene: Scene,
     robot: int,
     prediction: PredictionModel,
 ) -> bool:
     """Write the node that an action of an opened node leads to, and return whether the robot crashes on the way."""
-    occupied, heading = drive_robot(scene, robot, planned_lane, planned_speed, prediction)
+    occupied, heading = drive_robot(scene, robot, planned.lane, planned.speed, prediction)
     drive_cars(scene, robot, occupied, REACTING, prediction)
     close_scene(tree.state[child], tree.place[child], scene, robot, prediction)
     entry = tree.nodes[child]
     entry.parent = node
-    entry.action = action
+    entry.action = planned.action
     entry.depth = tree.nodes[node].depth + 1
-    entry.planned_lane = planned_lane
-    entry.planned_speed = planned_speed
+    entry.planned_lane = planned.lane
+    entry.planned_speed = planned.speed
     entry.heading = heading
     return robot_crashes(scene, robot, prediction)
 

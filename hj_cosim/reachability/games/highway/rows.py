@@ -15,9 +15,9 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.errors import TableError
-from hj_cosim.reachability.table.lookup import TableArrays, value_and_gradient_at, value_at
+from hj_cosim.reachability.table.lookup import TableArrays, value_and_gradient_at
 from hj_cosim.reachability.table.table import ValueTable
-from hj_cosim.scene.observation import is_possible
+from hj_cosim.scene.observation import Cars
 
 # A row with a larger coefficient comes from a broken table; squares of smaller ones do not overflow in any solver.
 LARGEST_COEFFICIENT = 1e12
@@ -85,54 +85,44 @@ def recovery_rate(value: float, epsilon: float, recovery: float) -> float:
 def hji_rows(
     table: TableArrays,
     robot: np.ndarray,
-    x: np.ndarray,
-    y: np.ndarray,
-    heading: np.ndarray,
-    speed: np.ndarray,
+    cars: Cars,
+    values: np.ndarray,
     epsilon: float,
     recovery: float,
     other: Disturbance,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, int]:
-    """Return the rows of the cars in K, and all values.
-
-    One pass: a car beyond the table in p_x or p_y costs a comparison, one with V > ε a look-up, and only one
-    in K a gradient.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows of the cars in K: those with V <= ε.
 
     Args:
         table: the value table's arrays.
         robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
-        x, y, heading, speed: (J,) m, m, rad, m/s, of the other cars.
-        epsilon: ε, m; −inf for no rows.
+        cars: the other cars.
+        values: (J,) m, their V, as `table.car_values` looks it up.
+        epsilon: ε, m.
         recovery: κ, 1/s.
         other: limits of the other car's controls.
 
     Returns:
-        the cars in K, (K,) int indices; their rows, (4, K), V, p, q, c; V of all cars, (J,), +inf of those that are
-        not within the table; the least of them, NaN if the observation or a row is not possible; the index of its
-        car, −1 if none.
+        The cars in K, (K,) int indices; their rows, (4, K), V, p, q, c. No cars where a row is not finite, or larger
+        than LARGEST_COEFFICIENT, as of a broken table.
     """
-    cars = np.empty(len(x), dtype=np.int64)
-    rows = np.empty((4, len(x)))
-    values, gradient = np.empty(len(x)), np.empty(5)
-    count, least, nearest = 0, math.inf, -1
-    if not is_possible(robot, x, y, heading, speed):
-        return cars[:0], rows[:, :0], values[:0], math.nan, -1
-    for j in range(len(x)):
-        p_x, p_y = robot[0] - x[j], robot[1] - y[j]
-        value = value_at(table, p_x, p_y, robot[2], robot[3], speed[j])
-        values[j] = value
-        if value < least:
-            least, nearest = value, j
+    in_k = np.empty(len(values), dtype=np.int64)
+    rows = np.empty((4, len(values)))
+    gradient = np.empty(5)
+    count = 0
+    for j in range(len(values)):
+        value, speed = values[j], cars.speed[j]
         if value > epsilon:
             continue
-        value_and_gradient_at(table, p_x, p_y, robot[2], robot[3], speed[j], gradient)
-        cars[count] = j
+        p_x, p_y = robot[0] - cars.x[j], robot[1] - cars.y[j]
+        value_and_gradient_at(table, p_x, p_y, robot[2], robot[3], speed, gradient)
+        in_k[count] = j
         rows[0, count] = value
         rows[1, count] = gradient[2]
         rows[2, count] = gradient[3]
-        rows[3, count] = worst_drift(gradient, robot[2], robot[3], speed[j], other)
+        rows[3, count] = worst_drift(gradient, robot[2], robot[3], speed, other)
         rows[3, count] -= recovery_rate(value, epsilon, recovery)
         if not abs(value) + abs(rows[1, count]) + abs(rows[2, count]) + abs(rows[3, count]) <= LARGEST_COEFFICIENT:
-            return cars[:0], rows[:, :0], values[:0], math.nan, -1
+            return in_k[:0], rows[:, :0]
         count += 1
-    return cars[:count], rows[:, :count], values, least, nearest
+    return in_k[:count], rows[:, :count]

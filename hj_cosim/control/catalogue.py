@@ -1,0 +1,39 @@
+"""Making the safety filter that the settings name."""
+
+from dataclasses import fields
+
+from hj_cosim.control.contract import FilterInputs, SafetyFilter
+from hj_cosim.plugins import FILTER, construct, find_plugin, options_of
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import FilterSettings, RobotSettings
+
+
+def make_filter(
+    settings: FilterSettings, robot: RobotSettings, road: Road, table: ValueTable, step: float
+) -> SafetyFilter:
+    """Return the filter that `settings.kind` names, ours or a user's own, which are made in the same way.
+
+    It is not guarded yet: `control.guard.GuardedFilter` does that, as the loop does.
+
+    Args:
+        settings: of all filters; `options` are the filter's own.
+        robot: limits and body.
+        road: the lanes.
+        table: V.
+        step: s, the time for which a control is held.
+
+    Raises:
+        ConfigurationError: if there is no such filter, its options are wrong, or its solver is not installed.
+        PluginError: if it cannot be imported or made.
+    """
+    plugin = find_plugin(FILTER, settings.kind)
+    inputs = FilterInputs(
+        settings=settings,
+        options=options_of(FILTER, plugin, settings.options),
+        robot=robot,
+        road=road,
+        table=table,
+        step=step,
+    )
+    return construct(FILTER, plugin, {field.name: getattr(inputs, field.name) for field in fields(inputs)})

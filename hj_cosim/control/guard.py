@@ -1,0 +1,134 @@
+"""The guard before and behind every safety filter, whoever wrote it: no control leaves it that no robot can drive.
+
+Where nothing can be judged, because the observation, the table or the filter gave NaN, infinity or what cannot be
+(`observation.FARTHEST`), the robot brakes as hard as it may and steers straight along the road; where only the desired
+control is not finite, that braking is what is filtered instead. Both are counted, and summary.json tells.
+"""
+
+import math
+import time
+from collections import Counter
+from dataclasses import replace
+
+from hj_cosim.control.contract import FilterDecision, PreparedFilter, SafetyFilter
+from hj_cosim.errors import HjCosimError
+from hj_cosim.plugins import failure, require_quick, wrong_answer
+from hj_cosim.scene.observation import CarValues, Control, Observation
+from hj_cosim.settings import RobotSettings
+
+NOT_JUDGED = "could not judge"
+DESIRED_NOT_FINITE = "desired not finite"
+# s, in which a robot that cannot judge turns to the road's direction.
+STRAIGHTENING_TIME = 0.5
+
+
+class GuardedFilter:
+    """A filter whose controls are always finite and within the robot's limits.
+
+    Args:
+        safety_filter: any of the contract.
+        robot: the limits.
+
+    Attributes:
+        counts: the diagnostics summed since the beginning, NOT_JUDGED and DESIRED_NOT_FINITE among them.
+    """
+
+    def __init__(self, safety_filter: SafetyFilter, robot: RobotSettings) -> None:
+        self.counts: Counter[str] = Counter()
+        self._filter = safety_filter
+        self._robot = robot
+
+    def prepare(self, observation: Observation, values: CarValues) -> None:
+        """Let the filter do what it has to before the drive.
+
+        Raises:
+            PluginError: if it fails.
+            HjCosimError: as the filter raises it.
+        """
+        if not (isinstance(self._filter, PreparedFilter) and values.is_known):
+            return
+        try:
+            self._filter.prepare(observation, values)
+        except HjCosimError:
+            raise
+        except Exception as error:
+            raise failure(self._filter, "prepare", error) from error
+
+    def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
+        """Return the filter's decision, or braking in lane; see SafetyFilter, but for what may be asked.
+
+        Args:
+            observation, values, desired: finite or not.
+
+        Raises:
+            PluginError: if the filter fails, takes too long, or returns what is no decision.
+            HjCosimError: as the filter raises it.
+        """
+        if not values.is_known:
+            return self._not_judged(observation)
+        wanted = self._wanted(observation, desired)
+        started = time.perf_counter()
+        try:
+            decision = self._filter.filter(observation, values, wanted)
+        except HjCosimError:
+            raise
+        except Exception as error:
+            raise failure(self._filter, "filter", error) from error
+        require_quick(self._filter, "filter", time.perf_counter() - started)
+        omega, acceleration = self._numbers(decision)
+        if decision.diagnostics:
+            self.counts.update(decision.diagnostics)
+        if not math.isfinite(omega + acceleration):
+            return self._not_judged(observation)
+        control = self._within_limits(decision.control)
+        return decision if control is decision.control else replace(decision, control=control)
+
+    def _numbers(self, decision: FilterDecision) -> tuple[float, float]:
+        """Return ω and a of an answer, which has to be one; they may be NaN."""
+        try:
+            control = decision.control
+            omega, acceleration = float(control.omega), float(control.acceleration)
+            if math.isfinite(decision.slack) and decision.constraints >= 0:
+                return omega, acceleration
+        except (AttributeError, TypeError, ValueError) as error:
+            raise wrong_answer(
+                self._filter, "filter", f"{_short(decision)}, which is no FilterDecision of numbers"
+            ) from error
+        raise wrong_answer(
+            self._filter,
+            "filter",
+            f"slack = {decision.slack}, constraints = {decision.constraints}; a finite slack and a count are right",
+        )
+
+    def _not_judged(self, observation: Observation) -> FilterDecision:
+        self.counts[NOT_JUDGED] += 1
+        return FilterDecision(self._brake_in_lane(float(observation.robot[2])))
+
+    def _wanted(self, observation: Observation, desired: Control) -> Control:
+        """Return the desired control within the limits; braking where it is not finite."""
+        if not math.isfinite(desired.omega + desired.acceleration):
+            self.counts[DESIRED_NOT_FINITE] += 1
+            return self._brake_in_lane(float(observation.robot[2]))
+        return self._within_limits(desired)
+
+    def _within_limits(self, control: Control) -> Control:
+        """Return the control itself where it is within the limits, so that the common case makes nothing new."""
+        robot = self._robot
+        if (
+            -robot.omega_max <= control.omega <= robot.omega_max
+            and robot.acceleration_min <= control.acceleration <= robot.acceleration_max
+        ):
+            return control
+        return Control(
+            min(max(control.omega, -robot.omega_max), robot.omega_max),
+            min(max(control.acceleration, robot.acceleration_min), robot.acceleration_max),
+        )
+
+    def _brake_in_lane(self, heading: float) -> Control:
+        omega = -heading / STRAIGHTENING_TIME if math.isfinite(heading) else 0.0
+        return self._within_limits(Control(omega, self._robot.acceleration_min))
+
+
+def _short(value: object) -> str:
+    shown = repr(value)
+    return shown if len(shown) <= 60 else f"{shown[:60]}..."

@@ -1,0 +1,95 @@
+"""The control nearest to the desired one that meets a filter's rows, with all that led to it."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from hj_cosim.control.contract import FilterDecision
+from hj_cosim.control.problem.safety_problem import NO_ROWS, SafetyRows, SafetySolver, least_slack
+from hj_cosim.scene.observation import Control
+from hj_cosim.settings import FilterSettings, RobotSettings
+
+# Rows can be met together when the least slack is below this (m/s for the HJI, m/s² for RSS).
+SLACK_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowsDecision(FilterDecision):
+    """The decision of a filter that has rows."""
+
+    desired: Control  # as asked for
+    rows: SafetyRows
+    available: np.ndarray  # (4,) lower and upper ω, lower and upper a that the rows were to be met within
+    least_slack: float = 0.0  # the least t >= 0 that any control within the limits needs
+    backend: str = ""  # what solved the problem; empty without rows
+    escaping: bool = False  # the control is a manoeuvre's, because the problem's would have left no escape
+
+    @property
+    def meetable(self) -> bool:
+        """Whether the rows can be met together within the robot's limits."""
+        return self.least_slack <= SLACK_TOLERANCE
+
+
+def limits_of(robot: RobotSettings) -> np.ndarray:
+    """Return the robot's limits as a box, (4,) lower and upper ω (rad/s), lower and upper a (m/s²)."""
+    return np.array([-robot.omega_max, robot.omega_max, robot.acceleration_min, robot.acceleration_max])
+
+
+class NearestControl:
+    """Chooses a control under rows, by one of the schemes MI and SW.
+
+    SW holds the steering instead of following the desired one (paper, section HJI Safety Controller): whoever uses it
+    says which ω was applied last.
+
+    Args:
+        settings: scheme, λ_3 and backend.
+        robot: its limits.
+
+    Raises:
+        ConfigurationError: if the backend is not installed.
+    """
+
+    def __init__(self, settings: FilterSettings, robot: RobotSettings) -> None:
+        self._holds_steering = settings.scheme == "sw"
+        self._failures: Counter[str] = Counter()
+        self._solver = SafetySolver(settings, robot, self._failures)
+        self.applied_omega = 0.0  # rad/s, of the step before
+
+    def prepare(self, available: np.ndarray) -> None:
+        """Compile what solves the problem, with a row that no control meets; it leaves nothing behind."""
+        row = SafetyRows(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1), np.zeros(1), np.full(1, -1.0))
+        self._solver.solve(row, 0.0, 0.0, available)
+        least_slack(row, available)
+        self._failures.clear()
+
+    def choose(self, rows: SafetyRows, constraints: int, desired: Control, available: np.ndarray) -> RowsDecision:
+        """Return the decision under K rows.
+
+        Args:
+            rows: half-planes, finite; without any the desired control is the decision.
+            constraints: how many cars they are about.
+            desired: finite, within the robot's limits.
+            available: (4,) lower and upper ω, lower and upper a.
+        """
+        if constraints == 0:
+            return RowsDecision(desired, desired=desired, rows=NO_ROWS, available=available)
+        omega = self.applied_omega if self._holds_steering else desired.omega
+        solution = self._solver.solve(rows, omega, desired.acceleration, available)
+        return RowsDecision(
+            control=Control(solution.omega, solution.acceleration),
+            constraints=constraints,
+            slack=solution.slack,
+            diagnostics=self._new_failures(),
+            desired=desired,
+            rows=rows,
+            available=available,
+            least_slack=0.0 if solution.slack <= 0.0 else least_slack(rows, available),
+            backend=solution.backend,
+        )
+
+    def _new_failures(self) -> dict[str, float]:
+        """Return how often each backend failed since the last step, by its name and FAILED."""
+        failures: dict[str, float] = dict(self._failures)
+        self._failures.clear()
+        return failures

@@ -1,0 +1,127 @@
+"""SPC, the paper's multi-agent safety-preserving control, and the escape that it keeps."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from hj_cosim.control.contract import CANNOT_JUDGE, FilterDecision
+from hj_cosim.control.problem.nearest_control import NearestControl, RowsDecision, limits_of
+from hj_cosim.control.problem.safety_problem import NO_ROWS, SafetyRows, available_controls
+from hj_cosim.control.spc.escape import ESCAPING, NO_ESCAPE, PASSED, Extent, keep_escape_in_traffic, manoeuvres_for
+from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
+from hj_cosim.reachability.games.highway.rows import Disturbance, hji_rows
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.scene.observation import CarValues, Control, Observation
+from hj_cosim.settings import FilterSettings, RobotSettings
+
+# Diagnostics: how often
+ESCAPED = "escaped"  # the control gave way to a manoeuvre
+HAD_NO_ESCAPE = "had no escape"
+_DIAGNOSTICS: Mapping[int, Mapping[str, float]] = {ESCAPING: {ESCAPED: 1}, NO_ESCAPE: {HAD_NO_ESCAPE: 1}}
+
+
+class SafetyPreservingFilter:
+    """Lets no V in K fall, K being the cars with V <= ε.
+
+    Args:
+        settings: scheme, ε, the problem's parameters, and whether an escape is kept.
+        robot: limits and body.
+        table: V.
+        step: s, the time for which a control is held.
+
+    Raises:
+        ConfigurationError: if the chosen backend is not installed.
+        TableError: if the table's game lacks what the rows or the manoeuvres need.
+    """
+
+    def __init__(self, settings: FilterSettings, robot: RobotSettings, table: ValueTable, step: float) -> None:
+        self._nearest = NearestControl(settings, robot)
+        self._epsilon = settings.epsilon
+        self._recovery = settings.recovery
+        self._step = step
+        self._arrays = table.arrays
+        self._disturbance = Disturbance.of(table)
+        self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
+        self._extent = Extent.of(table)
+        self._limits = limits_of(robot)
+        self._bounds = np.array([table.grid.lower[2], table.grid.upper[2], 0.0, robot.speed_max])
+        # Within these, no control leads beyond the bounds in one step, and the limits themselves are available.
+        turn = robot.omega_max * step
+        self._free_heading = (self._bounds[0] + turn, self._bounds[1] - turn)
+        self._free_speed = (-robot.acceleration_min * step, robot.speed_max - robot.acceleration_max * step)
+
+    def prepare(self, observation: Observation, values: CarValues) -> None:
+        """Compile what is driven with: Ctrl-C while Numba compiles may be lost, which no step of a drive is to risk."""
+        self._rows(observation, values, epsilon=np.inf)
+        self._nearest.prepare(available_controls(self._limits, 0.0, 0.0, self._bounds, self._step))
+        if len(self._manoeuvres.heading) > 0:
+            self._kept_escape(observation, values, Control(0.0, 0.0))
+
+    def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
+        """Return the control nearest to the desired one under which no V in K falls; see SafetyFilter."""
+        rows: SafetyRows | None = NO_ROWS
+        if values.least <= self._epsilon:
+            rows = self._rows(observation, values, self._epsilon)
+        if rows is None:
+            return CANNOT_JUDGE
+        available = self._available(observation.robot)
+        decision = self._nearest.choose(rows, len(rows), desired, available)
+        if len(self._manoeuvres.heading) > 0:
+            decision = self._escaping(observation, values, decision)
+        self._nearest.applied_omega = decision.control.omega
+        return decision
+
+    def _rows(self, observation: Observation, values: CarValues, epsilon: float) -> SafetyRows | None:
+        """Return the rows of the cars with V <= ε: no V of theirs may fall; None where a row is not finite."""
+        cars, rows = hji_rows(
+            self._arrays,
+            observation.robot,
+            observation.cars,
+            values.value,
+            epsilon,
+            self._recovery,
+            self._disturbance,
+        )
+        if len(cars) == 0:
+            return None
+        return SafetyRows(observation.vehicle[cars], *rows)
+
+    def _available(self, robot: np.ndarray) -> np.ndarray:
+        """Return the controls that do not lead beyond the table within a step, (4,)."""
+        heading, speed = float(robot[2]), float(robot[3])
+        if (
+            self._free_heading[0] <= heading <= self._free_heading[1]
+            and self._free_speed[0] <= speed <= self._free_speed[1]
+        ):
+            return self._limits
+        return available_controls(self._limits, heading, speed, self._bounds, self._step)
+
+    def _kept_escape(self, observation: Observation, values: CarValues, asked: Control) -> tuple[float, float, int]:
+        """Return ω, a and the verdict of `keep_escape_in_traffic`."""
+        return keep_escape_in_traffic(
+            self._manoeuvres,
+            self._extent,
+            observation.robot,
+            observation.x,
+            observation.y,
+            observation.speed,
+            values.value,
+            self._epsilon,
+            asked.omega,
+            asked.acceleration,
+            self._step,
+        )
+
+    def _escaping(self, observation: Observation, values: CarValues, decision: RowsDecision) -> RowsDecision:
+        """Return the decision, or one whose control is a manoeuvre's where the decision's would leave no escape."""
+        omega, acceleration, verdict = self._kept_escape(observation, values, decision.control)
+        if verdict == PASSED:
+            return decision
+        diagnostics = {**decision.diagnostics, **_DIAGNOSTICS[verdict]}
+        if verdict != ESCAPING:
+            return replace(decision, diagnostics=diagnostics)
+        box = decision.available
+        control = Control(min(max(omega, box[0]), box[1]), min(max(acceleration, box[2]), box[3]))
+        slack = max(-float(decision.rows.margins(control.omega, control.acceleration).min(initial=0.0)), 0.0)
+        return replace(decision, control=control, escaping=True, slack=slack, diagnostics=diagnostics)

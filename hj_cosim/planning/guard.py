@@ -1,0 +1,83 @@
+"""Every planner's answer passes here before the robot follows it, whoever wrote the planner."""
+
+import math
+import time
+
+from hj_cosim.errors import HjCosimError
+from hj_cosim.planning.contract import ACTION_COUNT, Plan, Planner, PreparedPlanner
+from hj_cosim.plugins import failure, require_quick, wrong_answer
+from hj_cosim.scene.observation import FARTHEST, Observation, Target
+from hj_cosim.scene.road import Road
+
+
+class GuardedPlanner:
+    """A planner whose failures end the episode in one sentence that names its file and line.
+
+    Args:
+        planner: any of the contract.
+        road: the lanes that its targets have to be among.
+    """
+
+    def __init__(self, planner: Planner, road: Road) -> None:
+        self._planner = planner
+        self._lane_count = road.lane_count
+
+    def prepare(self, observation: Observation) -> None:
+        """Let the planner do what it has to before the drive.
+
+        Raises:
+            PluginError: if it fails.
+            HjCosimError: as the planner raises it.
+        """
+        if not isinstance(self._planner, PreparedPlanner):
+            return
+        try:
+            self._planner.prepare(observation)
+        except HjCosimError:
+            raise
+        except Exception as error:
+            raise failure(self._planner, "prepare", error) from error
+
+    def plan(self, observation: Observation, previous: Target) -> Plan:
+        """Return the planner's plan; see Planner.
+
+        Raises:
+            PluginError: if it fails, takes too long, or returns what is no plan for this road.
+            HjCosimError: as the planner raises it.
+        """
+        started = time.perf_counter()
+        try:
+            plan = self._planner.plan(observation, previous)
+        except HjCosimError:
+            raise
+        except Exception as error:
+            raise failure(self._planner, "plan", error) from error
+        require_quick(self._planner, "plan", time.perf_counter() - started)
+        if what := self._wrong(plan):
+            raise wrong_answer(self._planner, "plan", what)
+        return plan
+
+    def _wrong(self, plan: object) -> str:
+        """Return what is wrong with an answer, to go on after "returned"; empty if nothing is."""
+        if not (isinstance(plan, Plan) and isinstance(plan.target, Target)):
+            return f"{_short(plan)}, which is no Plan with a Target"
+        lane, speed, action = plan.target.lane, plan.target.speed, plan.action
+        if not (_is_number(lane) and lane == int(lane) and 0 <= lane < self._lane_count):
+            return f"a target in lane {_short(lane)}; the road has the lanes 0 to {self._lane_count - 1}"
+        if not (_is_number(speed) and 0.0 <= speed <= FARTHEST):
+            return f"a target speed of {_short(speed)}; 0 m/s or more is a speed"
+        if not (_is_number(action) and action in range(ACTION_COUNT)):
+            return f"the action {_short(action)}; the actions are 0 to {ACTION_COUNT - 1} (planning/contract.py)"
+        return ""
+
+
+def _is_number(value: object) -> bool:
+    try:
+        return math.isfinite(value)  # type: ignore[arg-type]
+    except TypeError:
+        return False
+
+
+def _short(value: object) -> str:
+    shown = repr(value)
+    return shown if len(shown) <= 60 else f"{shown[:60]}..."
