@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hj_cosim.cosim.episode import run_episode
-    from hj_cosim.reachability.table.table import load_table, solve_table
+    from hj_cosim.reachability.table.store import load_table, solve_table
     from hj_cosim.study.study import run_study
     from hj_cosim.traffic.sources.scenarios import load_scenario
 
@@ -18,10 +18,10 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "load_scenario": "hj_cosim.traffic.sources.scenarios",
-    "load_table": "hj_cosim.reachability.table.table",
+    "load_table": "hj_cosim.reachability.table.store",
     "run_episode": "hj_cosim.cosim.episode",
     "run_study": "hj_cosim.study.study",
-    "solve_table": "hj_cosim.reachability.table.table",
+    "solve_table": "hj_cosim.reachability.table.store",
 }
 
 

@@ -21,6 +21,10 @@ class TableError(HjCosimError):
     """A value table is missing, broken, altered, or does not match its specification."""
 
 
+class StateError(HjCosimError, ValueError):
+    """States that a table is asked about have the wrong shape, or the wrong units."""
+
+
 class RunFolderError(HjCosimError):
     """A run's or a study's folder is missing, incomplete, or already holds something."""
 

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import settings
 
 from hj_cosim.cli.commands import main
-from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.reachability.table.store import load_table
+from hj_cosim.reachability.table.table import ValueTable
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))  # for the modules that tests share, in processes forked from ours too

@@ -5,7 +5,7 @@ from collections import Counter
 from hj_cosim.control.catalogue import make_filter
 from hj_cosim.control.contract import FilterDecision
 from hj_cosim.control.guard import GuardedFilter
-from hj_cosim.reachability.table.car_values import car_values
+from hj_cosim.reachability.table.cars import car_values
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Control, Observation
 from hj_cosim.scene.road import Road

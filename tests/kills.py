@@ -26,7 +26,7 @@ from PIL import Image
 
 from hj_cosim.cli.commands import main
 from hj_cosim.files import UNFINISHED
-from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.reachability.table.store import read_table
 
 A_FEW_CARS = "[traffic]\ncount = 6\ncount_behind = 2\n"
 WATCHING = 0.0002  # s between two looks at a folder
@@ -170,7 +170,7 @@ def left_behind(victim: Victim) -> list[Path]:
 
 
 _READERS: dict[str, Callable[[Path], object]] = {
-    ".npz": ValueTable.load,
+    ".npz": read_table,
     ".parquet": pq.read_table,
     ".csv": pd.read_csv,
     ".json": lambda path: json.loads(path.read_text()),

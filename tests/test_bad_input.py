@@ -7,6 +7,7 @@ import pytest
 
 from hj_cosim.cli.commands import main
 from hj_cosim.locations import specifications_folder
+from hj_cosim.reachability.table.store import save_table
 
 # Each case: what --set is given, and what the answer must name beside the key and the value.
 ASSIGNMENTS = {
@@ -292,7 +293,7 @@ def test_broken_table(refused, tmp_path, small_specification, small_table, damag
     mine = tmp_path / "mine.toml"
     shutil.copy(small_specification, mine)
     table = mine.with_suffix(".npz")
-    small_table.save(table)
+    save_table(small_table, table)
     content = bytearray(table.read_bytes())
     if damage == "truncated":
         content = content[: len(content) // 2]

@@ -14,8 +14,8 @@ from hj_cosim.analysis.replay import write_replay
 from hj_cosim.cosim import episode
 from hj_cosim.files import UNFINISHED
 from hj_cosim.locations import scenarios_folder
-from hj_cosim.reachability.table import table as value_table
-from hj_cosim.reachability.table.table import load_table
+from hj_cosim.reachability.table import store as value_table
+from hj_cosim.reachability.table.store import load_table
 from hj_cosim.recording.run_folder import read_run
 from hj_cosim.traffic.sumo import world as sumo_world
 

@@ -5,7 +5,7 @@ import random
 import kills
 import pytest
 
-from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.reachability.table.store import read_table
 
 
 @pytest.mark.parametrize(("make", "seed"), [(kills.a_run, 1), (kills.a_solve, 2)])
@@ -29,5 +29,5 @@ def test_two_solves_of_one_table_at_once_end_in_one_good_table(small_specificati
     for process in both:
         process.join()
         assert process.exitcode == 0
-    assert (ValueTable.load(victim.place).values == small_table.values).all()
+    assert (read_table(victim.place).values == small_table.values).all()
     assert list(victim.folder.iterdir()) == [victim.place]

@@ -10,6 +10,7 @@ from hj_cosim.cli.app import Json, RunFolder, Scenario, app, example
 from hj_cosim.cli.console import (
     WarningCount,
     bar,
+    messages,
     print_json,
     progress_bars,
     results,
@@ -40,7 +41,7 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Drive one episode and write its folder."""
-    from hj_cosim.cosim.episode import new_run_folder, run_episode
+    from hj_cosim.cosim.episode import EpisodeProgress, new_run_folder, run_episode
 
     warnings = WarningCount()
     if not verbose:
@@ -58,9 +59,12 @@ def run(
             settings=assignments or (),
             out=out or new_run_folder,
             figures=figures,
-            progress=bar(bars, f"driving {Path(scenario).stem}"),
-            solving=bar(bars, f"solving table {table or ''}".rstrip()),
-            drawing=bar(bars, "drawing"),
+            progress=EpisodeProgress(
+                driving=bar(bars, f"driving {Path(scenario).stem}"),
+                solving=bar(bars, "solving the value table"),
+                drawing=bar(bars, "drawing"),
+                announce=messages.print,
+            ),
         )
     if as_json:
         print_json({**episode.summary, **episode.timing, "folder": str(episode.folder)})

@@ -23,7 +23,7 @@ def table_solve(
 ) -> None:
     """Solve a value table and write it."""
     from hj_cosim.reachability.table.catalogue import changed_specification
-    from hj_cosim.reachability.table.table import find_specification, solve_table, table_path
+    from hj_cosim.reachability.table.store import find_specification, save_table, solve_table, table_path
 
     path = find_specification(specification)
     if out is None and (shape or scheme):
@@ -33,7 +33,7 @@ def table_solve(
     require_writable(target)
     with progress_bars() as bars:
         table = solve_table(changed, bar(bars, f"solving table {path.stem}"))
-    table.save(target)
+    save_table(table, target)
     _show_report(table, target, as_json)
 
 
@@ -56,19 +56,26 @@ def table_list(as_json: Json = False) -> None:
 @table_app.command("show", epilog=example("hj-cosim table show highway --out slices.png"))
 def table_show(
     specification: Specification,
-    out: Annotated[Path | None, typer.Option(help="Where to draw slices; runs/<name>-slices.png by default.")] = None,
+    over: Annotated[str, typer.Option(metavar="NAME,NAME", help="Two state variables; the first by default.")] = "",
+    hold: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Where another is held; mid-grid by default.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Where to draw it; runs/figures/<name>-slices by default.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Print how a table was solved, and draw slices of it, the paper's among them."""
+    """Print how a table was solved, and draw a slice of it, of the highway game the paper's."""
     from hj_cosim.analysis.figures.style import save_drawing
     from hj_cosim.analysis.figures.value_slice import value_slice
-    from hj_cosim.reachability.table.table import find_specification, load_table, table_path
+    from hj_cosim.reachability.table.slices import parse_held
+    from hj_cosim.reachability.table.store import find_specification, load_table, table_path
 
     path = find_specification(specification)
+    held = parse_held(hold or ())
     with progress_bars() as bars:
         table = load_table(specification, bar(bars, f"solving table {path.stem}"))
+    drawing = value_slice(table, held, over=[name.strip() for name in over.split(",")] if over else ())
     _show_report(table, table_path(path), as_json)
-    written = save_drawing(value_slice(table), out or runs_folder() / "figures" / f"{path.stem}-slices")
+    written = save_drawing(drawing, out or runs_folder() / "figures" / f"{path.stem}-slices")
     if not as_json:
         show_files(written, as_json)
 
@@ -82,7 +89,7 @@ def table_check(
 ) -> None:
     """Measure how good a table is: converged, near finer ones, and keeping its promise in closed loop."""
     from hj_cosim.cli.quality import quality_tables
-    from hj_cosim.reachability.table.table import load_table
+    from hj_cosim.reachability.table.store import load_table
     from hj_cosim.settings import FilterSettings
     from hj_cosim.verification.guarantee import RolloutSettings, measure_guarantee
     from hj_cosim.verification.table_quality import check_table
@@ -91,7 +98,7 @@ def table_check(
         table = load_table(specification, bar(bars, f"solving table {specification}"))
         quality = check_table(table, rollouts=rollouts, seconds=seconds, progress=bar(bars, "solving finer tables"))
     found: dict[str, Any] = {"table": asdict(quality)}
-    if table.dynamics.name == "highway":  # the safety filter drives in no other game
+    if table.game.manoeuvres is not None:  # the filter is played out in the highway game alone
         games = {
             "game": (RolloutSettings(rollouts=rollouts), FilterSettings(keep_escape=True)),
             "bicycle": (RolloutSettings(rollouts=rollouts, model="bicycle"), FilterSettings(keep_escape=True)),

@@ -27,8 +27,9 @@ from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.contract import IDLE, Plan, Planner
 from hj_cosim.planning.guard import GuardedPlanner
 from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
-from hj_cosim.reachability.table.car_values import car_values
-from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.reachability.table.cars import car_values
+from hj_cosim.reachability.table.store import load_table, require_robot
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import RunRecord
 from hj_cosim.recording.run_folder import Keep, require_free_folder, write_run
 from hj_cosim.scene.observation import FARTHEST, Observation, Target, is_possible
@@ -51,6 +52,16 @@ class Episode:
     drivers: np.ndarray  # (J, 6) the background drivers' IDM parameters, in the order of vehicles.idm
     timing: Mapping[str, float]  # what depends on the machine
     folder: Path | None = None  # the run's folder, where it was written
+
+
+@dataclass(frozen=True)
+class EpisodeProgress:
+    """Who is told how far an episode is; each is called with what is done and what there is in all."""
+
+    driving: Progress | None = None  # samples, once a plan
+    solving: Progress | None = None  # steps of the value table's solve, if it has to be solved
+    drawing: Progress | None = None  # pictures
+    announce: Callable[[str], None] | None = None  # in one sentence, what is solved before it is
 
 
 @dataclass(frozen=True)
@@ -166,7 +177,9 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
     Raises:
         NetworkError, ScenarioError: if the world cannot be built.
         SimulationError: if SUMO fails on the way.
+        TableError: if the table is another robot's.
     """
+    require_robot(table, config.robot)
     started = time.perf_counter()
     with SumoWorld(config.scenario, config.robot, config.seed, config.simulation.step) as world:
         world.settle(config.simulation.settle_time)
@@ -231,9 +244,7 @@ def run_episode(
     settings: Sequence[str] = (),
     out: Path | str | Callable[[EpisodeConfig], Path] | None = None,
     figures: bool = True,
-    progress: Progress | None = None,
-    solving: Progress | None = None,
-    drawing: Progress | None = None,
+    progress: Progress | EpisodeProgress | None = None,
 ) -> Episode:
     """Drive one episode in SUMO; this is what `hj-cosim run` does.
 
@@ -251,9 +262,8 @@ def run_episode(
         out: the run folder to write, or a function that names one, such as `new_run_folder`; nothing is written unless
             given.
         figures: whether a run folder's pictures are drawn, which takes longer than the drive.
-        progress: called with the samples driven and the samples in all, once a plan.
-        solving: called with the steps done and the steps in all while the value table is solved, if it has to be.
-        drawing: called with the pictures drawn and the pictures in all.
+        progress: called with the samples driven and the samples in all, once a plan; an EpisodeProgress is told of
+            solving and drawing, too.
 
     Returns:
         The configuration, the record (arrays, SI units, road frame), the summary and the folder.
@@ -265,10 +275,12 @@ def run_episode(
     filter = filter if filter is None or isinstance(filter, str) else given(FILTER, filter)
     flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
+    tell = progress if isinstance(progress, EpisodeProgress) else EpisodeProgress(progress)
     folder = out(config) if callable(out) else None if out is None else Path(out)
     if folder is not None:
         require_free_folder(folder)
-    episode = run_in_sumo(config, load_table(config.table, solving), progress)
+    value_table = load_table(config.table, tell.solving, robot=config.robot, announce=tell.announce)
+    episode = run_in_sumo(config, value_table, tell.driving)
     if folder is None:
         return episode
     write_episode(episode, folder)
@@ -276,5 +288,5 @@ def run_episode(
         # Matplotlib costs more to import than an episode to drive: only who draws pays for it.
         from hj_cosim.analysis.run_figures import draw_run
 
-        draw_run(folder, drawing)
+        draw_run(folder, tell.drawing)
     return replace(episode, folder=folder)

@@ -3,10 +3,10 @@
 from functools import cache
 
 from hj_cosim.cosim.episode import run_in_sumo, write_episode
-from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.reachability.table.store import read_table
 from hj_cosim.study.jobs import EpisodeJob
 
-_load_table = cache(ValueTable.load)  # once a process
+_load_table = cache(read_table)  # once a process
 
 
 def drive_episode(job: EpisodeJob) -> None:

@@ -27,7 +27,7 @@ from hj_cosim.files import remove_abandoned, whole_file
 from hj_cosim.recording.run_folder import Keep, require_free_folder
 from hj_cosim.settings import read_toml
 from hj_cosim.study.design import Cell, StudyDesign
-from hj_cosim.study.jobs import EpisodeJob, Outcome
+from hj_cosim.study.jobs import EpisodeJob, Outcome, table_key
 from hj_cosim.study.results import config_of, is_complete
 
 STUDY = "study.toml"
@@ -110,7 +110,7 @@ class StudyFolder:
         """Return the episodes that are not there yet.
 
         Args:
-            table_files: the solved value table of each name in the configurations.
+            table_files: the solved value table of each `table_key` of the configurations.
             keep: what their run folders are to hold.
 
         Raises:
@@ -121,7 +121,7 @@ class StudyFolder:
             config = cell.config.model_copy(update={"seed": seed})
             run_folder = self.run_folder(cell, seed)
             if not is_complete(run_folder):
-                jobs.append(EpisodeJob(config, table_files[config.table], run_folder, keep))
+                jobs.append(EpisodeJob(config, table_files[table_key(config)], run_folder, keep))
             elif (earlier := config_of(run_folder)) != config_toml(config):
                 raise RunFolderError(
                     f"{run_folder} was driven with another configuration than is asked for now:"

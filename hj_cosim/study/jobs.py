@@ -19,6 +19,12 @@ class EpisodeJob:
     keep: Keep = "all"
 
 
+def table_key(config: EpisodeConfig) -> str:
+    """Return what tells the value tables of a study apart: the table's name, and what is not the default robot's."""
+    robot = config.robot.model_dump_json(exclude_defaults=True)
+    return config.table if robot == "{}" else f"{config.table} {robot}"
+
+
 EpisodeFunction = Callable[[EpisodeJob], None]
 """Drives the episode of a job and writes its run folder, whole or not at all. A function that can be imported by its
 name, so that it can be sent to other processes."""

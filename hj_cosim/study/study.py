@@ -12,7 +12,7 @@ import pandas as pd
 
 from hj_cosim import __version__
 from hj_cosim.locations import runs_folder
-from hj_cosim.reachability.table.table import find_specification, load_table, specification_hash, table_path
+from hj_cosim.reachability.table.store import kept_table, load_table, specification_hash
 from hj_cosim.recording.run_folder import Keep
 from hj_cosim.study.claims import claim_table
 from hj_cosim.study.cluster import DaskCluster
@@ -31,7 +31,7 @@ from hj_cosim.study.folder import (
     Failure,
     StudyFolder,
 )
-from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob
+from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob, table_key
 from hj_cosim.study.local_workers import LocalWorkers
 from hj_cosim.study.results import is_complete, read_result
 from hj_cosim.study.stacks import PAPER_STACKS, Stack
@@ -119,7 +119,8 @@ def run_study(
     engine: Engine = LocalWorkers(workers) if scheduler is None else DaskCluster(scheduler)
     study_folder = StudyFolder(folder or new_study_folder(design), design)
     study_folder.prepare(resume=resume)
-    tables = {name: load_table(name, solving) for name in sorted({cell.config.table for cell in design.cells})}
+    driven = {table_key(cell.config): cell.config for cell in design.cells}
+    tables = {key: load_table(config.table, solving, robot=config.robot) for key, config in sorted(driven.items())}
     request = {
         "scenarios": [scenarios] if isinstance(scenarios, str) else list(scenarios),
         "stacks": [stack.name for stack in stacks],
@@ -129,16 +130,14 @@ def run_study(
         "vary": list(vary),
         "set": list(assignments),
     }
-    hashes = {
-        f"table {name}": specification_hash(table.specification, table.dynamics) for name, table in tables.items()
-    }
+    hashes = {f"table {name}": specification_hash(table.specification, table.game) for name, table in tables.items()}
     return conduct(
         study_folder,
         engine,
         request=request,
         program={"hj-cosim": __version__, "libsumo": version("libsumo"), **hashes},
         function=drive_episode,
-        table_files={name: table_path(find_specification(name)) for name in tables},
+        table_files={key: kept_table(config.table, config.robot).path for key, config in driven.items()},
         keep=keep,
         progress=progress,
     )
@@ -171,7 +170,7 @@ def conduct(
         request: what was asked for, for study.toml.
         program: the version of everything that an episode depends on besides its configuration.
         function: how one is driven.
-        table_files: the solved value table of each name in the configurations.
+        table_files: the solved value table of each `table_key` of the configurations.
         keep: what the run folders are to hold.
         progress: called with the episodes done and the episodes in all.
 

@@ -10,7 +10,7 @@ from hj_cosim.control.catalogue import make_filter
 from hj_cosim.control.contract import FilterDecision, SafetyFilter
 from hj_cosim.control.guard import NOT_JUDGED, GuardedFilter
 from hj_cosim.plugins import FILTER, given
-from hj_cosim.reachability.table.car_values import car_values
+from hj_cosim.reachability.table.cars import car_values
 from hj_cosim.scene.observation import Control
 from hj_cosim.settings import FilterSettings, RobotSettings
 from hj_cosim.testing.expectations import answered, left_as_it_was, require

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from hj_cosim.reachability.games.catalogue import find_dynamics
+from hj_cosim.reachability.games.catalogue import find_game
 from hj_cosim.reachability.solver.solver import SolveReport
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation
@@ -21,7 +21,7 @@ CROWDS = (0, 1, 5, 30)
 @cache
 def target_table() -> ValueTable:
     """Return V(0, ·) of the highway game on a coarse grid, a table as any other but for being too high."""
-    dynamics = find_dynamics("highway")
+    game = find_game("highway")
     specification = TableSpecification(
         dynamics="highway",
         grid=GridSettings(
@@ -32,10 +32,10 @@ def target_table() -> ValueTable:
         shape=specification.grid.shape, scheme=specification.scheme, runge_kutta=0, horizon=0.0, steps=0, time_step=0.0,
         seconds=0.0, cell_updates_per_second=0.0, peak_memory_mib=0.0, residual=0.0, unsafe_share=0.0, versions={},
     )  # fmt: skip
-    empty = ValueTable(specification, dynamics, np.empty(0, np.float32), report)
+    empty = ValueTable(specification, game, np.empty(0, np.float32), report)
     nodes = np.stack(np.meshgrid(*empty.grid.axes, indexing="ij"), axis=-1).reshape(-1, 5)
-    values = dynamics.target_values(nodes, dynamics.parameter_values({}, "hj_cosim.testing"))
-    return ValueTable(specification, dynamics, values.astype(np.float32).reshape(empty.grid.shape), report)
+    values = game.target_values(nodes, game.parameter_values({}, "hj_cosim.testing"))
+    return ValueTable(specification, game, values.astype(np.float32).reshape(empty.grid.shape), report)
 
 
 def scenes(road: Road = ROAD, seed: int = 0) -> Iterator[Observation]:

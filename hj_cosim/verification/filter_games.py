@@ -13,8 +13,10 @@ from numba import njit
 from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.control.problem.safety_problem import available_controls
 from hj_cosim.control.spc.escape import Extent, is_to_be_looked_at, keep_escape
+from hj_cosim.control.spc.recovery import recovery_rate
 from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres
-from hj_cosim.reachability.games.highway.rows import Disturbance, recovery_rate, worst_drift
+from hj_cosim.reachability.games.highway.other_car import Disturbance
+from hj_cosim.reachability.games.highway.rows import worst_drift
 from hj_cosim.reachability.table.lookup import TableArrays, shift_of_grid, value_and_gradient_at
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 from hj_cosim.vehicles.idm import idm_acceleration
@@ -142,7 +144,7 @@ def _roll_out(
                 near += 1
             if in_k[j]:
                 p[count], q[count] = gradients[j, 2], gradients[j, 3]
-                c[count] = worst_drift(gradients[j], robot[2], robot[3], others[j, 2], game.other)
+                c[count] = worst_drift(gradients[j], relative, game.other)
                 c[count] -= recovery_rate(value, game.epsilon, game.recovery)
                 count += 1
         if sample == samples:

@@ -31,7 +31,7 @@ from hj_cosim.control.problem.safety_problem import SafetyWeights
 from hj_cosim.control.spc.escape import Extent, can_escape, manoeuvres_for
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
-from hj_cosim.reachability.games.highway.rows import Disturbance
+from hj_cosim.reachability.games.highway.other_car import Disturbance
 from hj_cosim.reachability.solver.solver import Progress
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import FilterSettings, RobotSettings, TrackingSettings
@@ -117,7 +117,7 @@ def measure_guarantee(
     generator = np.random.default_rng(settings.seed)
     robots, others = _starts(table, game, settings, generator)
     holds = math.ceil(settings.duration / settings.step / RANDOM_HOLD)
-    if table.is_highway:
+    if table.game.manoeuvres is not None:
         escapes = can_escape(manoeuvres_for(table, robot), robots, others)
     else:
         escapes = np.ones(len(robots), bool)
@@ -149,7 +149,7 @@ def _game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, 
         epsilon=spc.epsilon,
         recovery=spc.recovery,
         step=settings.step,
-        other=Disturbance.of(table),
+        other=Disturbance.of_game(table.parameters),
         extent=Extent.of(table),
         manoeuvres=manoeuvres_for(table, robot) if spc.keep_escape else NO_MANOEUVRES,
         driver=np.array([0.0, 3.0, 5.0, 1.5, 5.0, 4.0]),  # SPEC section 4's means; the desired speed is each car's own

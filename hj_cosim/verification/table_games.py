@@ -57,8 +57,8 @@ def play(
     realised = table.target_values(states).astype(np.float64)
     for _ in range(round(duration / step)):
         u, d = policy(states), table.optimal_disturbance(states)
-        rate = table.dynamics.state_derivative(states, u, d, parameters)
-        rate = table.dynamics.state_derivative(states + 0.5 * step * rate, u, d, parameters)
+        rate = table.game.state_derivative(states, u, d, parameters)
+        rate = table.game.state_derivative(states + 0.5 * step * rate, u, d, parameters)
         states = _within_limits(table, states + step * rate)
         realised = np.minimum(realised, table.target_values(states))
     return Rollouts(starts, table.value(starts), realised)

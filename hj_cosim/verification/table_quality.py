@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hj_cosim.reachability.games.highway.manoeuvres import lower_bounds
 from hj_cosim.reachability.solver.solver import Progress
-from hj_cosim.reachability.table.table import ValueTable, solve_table
+from hj_cosim.reachability.table.store import solve_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import GridSettings, TableSpecification
 from hj_cosim.verification.table_games import play, states_near_zero
 
@@ -82,7 +82,7 @@ def check_table(
     return TableQuality(
         residual=table.report.residual,
         unsafe_share=float(np.mean(table.values <= 0.0)),
-        no_escape_share=_no_escape_share(table, samples) if table.is_highway else None,
+        no_escape_share=_no_escape_share(table, samples) if table.game.manoeuvres else None,
         unsafe_on_faces=_unsafe_on_faces(table),
         refinements=refinements,
         rollouts=len(shortfall),
@@ -106,7 +106,7 @@ def finer_specifications(table: ValueTable, seconds: float) -> list[tuple[str, T
         seconds -= _WENO5_COST * table.report.seconds
     if _cost(table, whole) <= seconds:
         return [*chosen, ("all axes", _with_shape(specification, whole))]
-    for axis, name in enumerate(table.dynamics.state):
+    for axis, name in enumerate(table.game.state):
         shape = tuple(whole[k] if k == axis else nodes for k, nodes in enumerate(grid.shape))
         if _cost(table, shape) <= seconds:
             chosen.append((name, _with_shape(specification, shape)))
@@ -145,12 +145,12 @@ def _compare(table: ValueTable, what: str, finer: ValueTable, samples: np.ndarra
 
 def _no_escape_share(table: ValueTable, samples: np.ndarray) -> float:
     called_safe = samples[table.value(samples) > 0.0]
-    return float(np.sum(lower_bounds(table.manoeuvres(), called_safe) <= 0.0)) / len(samples)
+    return float(np.sum(table.guaranteed(called_safe) <= 0.0)) / len(samples)
 
 
 def _unsafe_on_faces(table: ValueTable) -> dict[str, float]:
     shares = {}
-    for axis, (name, outside) in enumerate(zip(table.dynamics.state, table.dynamics.outside, strict=True)):
+    for axis, (name, outside) in enumerate(zip(table.game.state, table.game.outside, strict=True)):
         if outside == "safe":
             shares[f"{name} low"] = float(np.mean(table.values.take(0, axis) <= 0.0))
             shares[f"{name} high"] = float(np.mean(table.values.take(-1, axis) <= 0.0))

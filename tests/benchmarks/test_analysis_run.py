@@ -17,7 +17,7 @@ from hj_cosim.analysis.report import write_report
 from hj_cosim.cosim.configuration import config_toml
 from hj_cosim.metrics.summary import summarize
 from hj_cosim.metrics.threats import threat_track
-from hj_cosim.reachability.table.table import load_table
+from hj_cosim.reachability.table.store import load_table
 from hj_cosim.recording.record import RobotTrack, RunRecord, ThreatTrack, TrafficTrack
 from hj_cosim.recording.run_folder import read_run, write_run
 from hj_cosim.scene.road import Road

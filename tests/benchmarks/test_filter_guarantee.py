@@ -8,7 +8,8 @@ import dataclasses
 
 import pytest
 
-from hj_cosim.reachability.table.table import ValueTable, load_table, solve_table
+from hj_cosim.reachability.table.store import load_table, solve_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import FilterSettings, GridSettings, TableSpecification
 from hj_cosim.verification.guarantee import GuaranteeReport, RolloutSettings, measure_guarantee
 

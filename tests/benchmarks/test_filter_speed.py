@@ -13,8 +13,9 @@ import qpsolvers
 from filter_in_loop import FilterInLoop
 
 from hj_cosim.control.problem.enumeration import least_cost_control
-from hj_cosim.reachability.table.car_values import car_values
-from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.reachability.table.cars import car_values
+from hj_cosim.reachability.table.store import load_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Control, Observation
 from hj_cosim.settings import FilterSettings
 

@@ -5,7 +5,7 @@ import pytest
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.contract import LEFT, RIGHT, SLOWER
-from hj_cosim.reachability.table.table import load_table
+from hj_cosim.reachability.table.store import load_table
 from hj_cosim.scene.observation import Target
 from hj_cosim.traffic.fake import FakeWorld
 

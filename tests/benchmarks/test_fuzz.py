@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from hj_cosim.control.tracking import tracking_control
-from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.reachability.table.store import load_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Control, Target
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import FilterSettings, RobotSettings, TrackingSettings

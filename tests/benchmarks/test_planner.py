@@ -13,7 +13,8 @@ from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import run_in_sumo
 from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.optimistic.planner import OptimisticPlanner
-from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.reachability.table.store import load_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation, Target
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings

@@ -7,7 +7,7 @@ from hj_cosim.control.contract import FilterDecision, SafetyFilter
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import drive
 from hj_cosim.planning.catalogue import make_planner
-from hj_cosim.reachability.table.table import load_table
+from hj_cosim.reachability.table.store import load_table
 from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.traffic.sumo.world import SumoWorld
 

@@ -17,7 +17,7 @@ from numba import njit
 
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.table.lookup import values_and_gradients
-from hj_cosim.reachability.table.table import load_table, solve_table
+from hj_cosim.reachability.table.store import load_table, solve_table
 from hj_cosim.settings import Scheme, TableSpecification
 
 TESTS = Path(__file__).resolve().parents[1]
@@ -78,7 +78,7 @@ def test_the_solver_beside_its_peer(benchmark, scheme: Scheme, wanted: float) ->
 MEMORY_PROBE = """
 import json, sys
 from hj_cosim.settings import TableSpecification
-from hj_cosim.reachability.table.table import solve_table
+from hj_cosim.reachability.table.store import solve_table
 
 def peak():  # kB; of this program alone, while getrusage's goes on from the process that started it
     lines = open("/proc/self/status").read().splitlines()
@@ -109,7 +109,7 @@ def test_the_solver_takes_little_memory() -> None:
 
 def test_a_hundred_look_ups(benchmark) -> None:
     table = load_table("highway")
-    grid = Grid.from_settings(table.specification.grid, table.dynamics.boundary)
+    grid = Grid.from_settings(table.specification.grid, table.game.boundary)
     states = np.random.default_rng(0).uniform(np.array(grid.lower) * 0.6, np.array(grid.upper) * 0.6, (100, 5))
     arrays = table.arrays
     values_and_gradients(arrays, states)

@@ -16,7 +16,7 @@ from hj_cosim.cosim.episode import Episode, drive, run_in_sumo, write_episode
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.metrics.summary import summarize, timing
 from hj_cosim.planning.catalogue import make_planner
-from hj_cosim.reachability.table.table import find_specification, load_table, table_path
+from hj_cosim.reachability.table.store import find_specification, load_table, table_path
 from hj_cosim.study.design import design_study
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.folder import StudyFolder

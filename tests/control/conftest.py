@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hj_cosim.reachability.games.catalogue import find_dynamics
-from hj_cosim.reachability.games.contract import Dynamics
+from hj_cosim.reachability.games.catalogue import find_game
+from hj_cosim.reachability.games.contract import Game
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation
 from hj_cosim.settings import GridSettings, TableSpecification
@@ -33,34 +33,34 @@ def no_target(x: np.ndarray, c: np.ndarray, out: np.ndarray) -> None:
     out[:] = 1.0
 
 
-def table_of(value: Callable[[np.ndarray], np.ndarray], dynamics: Dynamics) -> ValueTable:
+def table_of(value: Callable[[np.ndarray], np.ndarray], game: Game) -> ValueTable:
     """Return a table of V as a function of states (N, 5)."""
-    empty = ValueTable(SPECIFICATION, dynamics, np.empty(0, np.float32), report=None)
+    empty = ValueTable(SPECIFICATION, game, np.empty(0, np.float32), report=None)
     nodes = np.stack(np.meshgrid(*empty.grid.axes, indexing="ij"), axis=-1).reshape(-1, 5)
     values = value(nodes).astype(np.float32).reshape(empty.grid.shape)
-    return ValueTable(SPECIFICATION, dynamics, values, report=None)
+    return ValueTable(SPECIFICATION, game, values, report=None)
 
 
 @pytest.fixture(scope="session")
 def table() -> ValueTable:
-    dynamics = find_dynamics("highway")
-    parameters = dynamics.parameter_values({}, "the test")
-    return table_of(lambda states: dynamics.target_values(states, parameters), dynamics)
+    game = find_game("highway")
+    parameters = game.parameter_values({}, "the test")
+    return table_of(lambda states: game.target_values(states, parameters), game)
 
 
 @pytest.fixture(scope="session")
-def game_without_target() -> Dynamics:
-    return dataclasses.replace(find_dynamics("highway"), target=no_target)
+def game_without_target() -> Game:
+    return dataclasses.replace(find_game("highway"), target=no_target, target_formula=None, manoeuvres=None)
 
 
 @pytest.fixture(scope="session")
-def linear_table(game_without_target: Dynamics) -> ValueTable:
+def linear_table(game_without_target: Game) -> ValueTable:
     """V = −p_x − 2 v_r + v_o − 20: the robot behind another car, safe when far or slow."""
     return table_of(lambda states: states @ np.array([-1.0, 0.0, 0.0, -2.0, 1.0]) - 20.0, game_without_target)
 
 
 @pytest.fixture(scope="session")
-def safe_table(game_without_target: Dynamics) -> ValueTable:
+def safe_table(game_without_target: Game) -> ValueTable:
     """V = −p_x − 8 v_r + 100, whose row a <= (v_o cosθ_o − v_r) / 8 can be met everywhere."""
     return table_of(lambda states: states @ np.array([-1.0, 0.0, 0.0, -8.0, 0.0]) + 100.0, game_without_target)
 

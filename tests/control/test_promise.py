@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from filter_in_loop import FilterInLoop
 
-from hj_cosim.reachability.games.highway.rows import recovery_rate
+from hj_cosim.control.spc.recovery import recovery_rate
 from hj_cosim.scene.observation import Control
 from hj_cosim.settings import FilterSettings, RobotSettings
 from hj_cosim.verification.promise import promise_kept, realised_value_rates

@@ -8,7 +8,8 @@ from filter_in_loop import ROBOT, FilterInLoop
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hj_cosim.reachability.games.highway.rows import Disturbance, worst_drift
+from hj_cosim.reachability.games.highway.other_car import Disturbance
+from hj_cosim.reachability.games.highway.rows import worst_drift
 from hj_cosim.reachability.table.lookup import value_and_gradient_at
 from hj_cosim.scene.observation import Control
 from hj_cosim.settings import FilterSettings
@@ -26,7 +27,7 @@ gradients = st.tuples(*(st.floats(-50, 50) for _ in range(5)))
 @given(gradient=gradients, heading=st.floats(-0.4, 0.4), speed=st.floats(0, 40), other=st.floats(0.0, 40))
 def test_the_drift_is_the_least_that_the_other_car_can_bring_about(gradient, heading, speed, other):
     limits = Disturbance(0.1, -6.0, 4.0)
-    drift = worst_drift(np.array(gradient), heading, speed, other, limits)
+    drift = worst_drift(np.array(gradient), np.array([0.0, 0.0, heading, speed, other]), limits)
     headings, accelerations = np.linspace(-0.1, 0.1, 201), np.array([-6.0 if other > 0 else 0.0, 4.0])
     v_x, v_y, _, _, v_o = gradient
     own = speed * (v_x * math.cos(heading) + v_y * math.sin(heading))
@@ -62,7 +63,7 @@ def test_spc_s_rows_are_the_table_s_gradient_and_worst_drift(table, observe):
     gradient = np.empty(5)
     value = value_and_gradient_at(table.arrays, -27.0, 0.0, 0.02, 26.0, 22.0, gradient)
     assert rows.vehicle.tolist() == [1]
-    drift = worst_drift(gradient, 0.02, 26.0, 22.0, Disturbance.of(table))
+    drift = worst_drift(gradient, np.array([-27.0, 0.0, 0.02, 26.0, 22.0]), Disturbance.of_game(table.parameters))
     np.testing.assert_allclose([rows.value[0], rows.p[0], rows.q[0], rows.c[0]], [value, *gradient[2:4], drift])
 
 

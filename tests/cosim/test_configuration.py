@@ -6,7 +6,7 @@ import pytest
 
 from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.reachability.table.table import find_specification, read_specification
+from hj_cosim.reachability.table.store import find_specification, read_specification
 from hj_cosim.settings import Scenario
 from hj_cosim.traffic.sources.scenarios import load_scenario
 

@@ -3,7 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from hj_cosim.reachability.table.table import ValueTable, read_specification, solve_table
+from hj_cosim.reachability.table.store import read_specification, solve_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import GridSettings, TableSpecification
 
 HERE = Path(__file__).resolve().parent

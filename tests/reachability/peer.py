@@ -6,7 +6,7 @@ import hj_reachability as hj
 import jax.numpy as jnp
 import numpy as np
 
-from hj_cosim.reachability.games.catalogue import find_dynamics
+from hj_cosim.reachability.games.catalogue import find_game
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.settings import TableSpecification
 
@@ -57,7 +57,7 @@ class PeerHighway(hj.dynamics.Dynamics):
 
 def peer_solver(specification: TableSpecification) -> Callable[[float], np.ndarray]:
     """Return a function from a horizon (s) to the peer's solution, in the peer's formulation (see `peer_cases`)."""
-    dynamics = find_dynamics(specification.dynamics)
+    dynamics = find_game(specification.dynamics)
     ours = Grid.from_settings(specification.grid, dynamics.boundary)
     periodic = tuple(axis for axis, boundary in enumerate(ours.boundary) if boundary == "periodic")
     grid = hj.Grid.from_lattice_parameters_and_boundary_conditions(

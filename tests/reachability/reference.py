@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hj_cosim.reachability.games.contract import Dynamics
+from hj_cosim.reachability.games.contract import Game
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.solver.solver import state_limits
 from hj_cosim.settings import TableSpecification
@@ -28,7 +28,7 @@ def one_sided(values: np.ndarray, axis: int, spacing: float, boundary: str) -> t
     return np.moveaxis(differences[:-1], 0, axis), np.moveaxis(differences[1:], 0, axis)
 
 
-def solve_first_order(specification: TableSpecification, dynamics: Dynamics) -> np.ndarray:
+def solve_first_order(specification: TableSpecification, dynamics: Game) -> np.ndarray:
     """Return V(−horizon, ·) by first-order Lax-Friedrichs and Euler steps."""
     grid = Grid.from_settings(specification.grid, dynamics.boundary)
     states = np.stack(np.meshgrid(*grid.axes, indexing="ij"), -1)

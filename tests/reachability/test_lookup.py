@@ -5,7 +5,8 @@ from scipy.interpolate import RegularGridInterpolator
 from hj_cosim.reachability.games.highway import game as highway
 from hj_cosim.reachability.games.highway.target import TargetFormula, target_and_gradient_at, target_at
 from hj_cosim.reachability.table.lookup import TableArrays, value_and_gradient_at, value_at, values_and_gradients
-from hj_cosim.reachability.table.table import ValueTable, solve_table
+from hj_cosim.reachability.table.store import solve_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import TableSpecification
 
 AXES = (
@@ -211,7 +212,7 @@ def test_the_formula_is_the_solvers_target(small_table: ValueTable) -> None:
     for parameters in ({}, {"brake_min": 5.0, "brake_max": 8.0, "lateral_margin": 0.4, "response_time": 1.0}):
         named = highway.PARAMETERS | parameters
         formula = TargetFormula.of(*(named[name] for name in list(named)[6:15]))
-        expected = highway.dynamics.target_values(states, highway.dynamics.parameter_values(parameters, "the test"))
+        expected = highway.game.target_values(states, highway.game.parameter_values(parameters, "the test"))
         found = [target_at(formula, *state) for state in states]
         assert found == pytest.approx(expected, rel=1e-5, abs=1e-3)
         assert [target_and_gradient_at(formula, *state)[0] for state in states] == pytest.approx(found, abs=1e-12)

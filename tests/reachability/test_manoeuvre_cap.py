@@ -6,7 +6,7 @@ import pytest
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.reachability.games.highway.manoeuvre_cap import capped
 from hj_cosim.reachability.games.highway.manoeuvres import lower_bounds
-from hj_cosim.reachability.table.table import load_table, solve_table
+from hj_cosim.reachability.table.store import load_table, solve_table
 from hj_cosim.settings import TableSpecification
 
 
@@ -48,7 +48,7 @@ def test_a_capped_specification_gives_a_capped_table(small_table):
 
 
 def test_only_the_highway_game_can_be_capped(braking: TableSpecification):
-    with pytest.raises(ConfigurationError, match="capped_by_manoeuvres is for the highway game"):
+    with pytest.raises(ConfigurationError, match="capped_by_manoeuvres is for games whose manoeuvres"):
         solve_table(braking.model_copy(update={"capped_by_manoeuvres": True}))
 
 

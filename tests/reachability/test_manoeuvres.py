@@ -3,7 +3,8 @@ import pytest
 
 from hj_cosim.errors import TableError
 from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres, lower_bounds
-from hj_cosim.reachability.table.table import ValueTable, solve_table
+from hj_cosim.reachability.table.store import solve_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import TableSpecification
 
 STEP, DURATION = 0.01, 7.9  # s; of the brute force
@@ -129,7 +130,7 @@ def test_driving_the_best_manoeuvre_loses_nothing_whatever_the_other_car_does(sm
 
 
 def test_other_games_have_no_manoeuvres(braking: TableSpecification):
-    with pytest.raises(TableError, match="there are no manoeuvres for double_integrator"):
+    with pytest.raises(TableError, match="no manoeuvres are known for the game double_integrator"):
         solve_table(braking).manoeuvres()
 
 

@@ -3,7 +3,8 @@ import pytest
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.reachability.table.slices import value_slice
-from hj_cosim.reachability.table.table import ValueTable, solve_table
+from hj_cosim.reachability.table.store import solve_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import TableSpecification
 from hj_cosim.verification.table_games import play, states_near_zero
 from hj_cosim.verification.table_quality import check_table, finer_specifications
@@ -64,15 +65,15 @@ def test_what_is_too_dear_to_refine_at_once_is_refined_axis_by_axis(braking: Tab
 
 def test_the_papers_slice_is_more_dangerous_ahead_of_the_faster_car(small_table: ValueTable) -> None:
     drawn = value_slice(small_table)
-    assert drawn.fixed == {"theta": 0.0, "v_r": 10.0, "v_o": 20.0}
+    assert drawn.held == {"theta": 0.0, "v_r": 10.0, "v_o": 20.0}
     assert drawn.values.shape == (201, 201)
     middle = drawn.values[100]
     assert np.interp(30.0, drawn.x, middle) < np.interp(-30.0, drawn.x, middle)
     assert np.mean(drawn.values <= 0.0) > np.mean(drawn.target <= 0.0)
 
 
-def test_a_slice_over_unknown_or_fixed_states_is_refused(small_table: ValueTable) -> None:
+def test_a_slice_over_unknown_or_held_states_is_refused(small_table: ValueTable) -> None:
     with pytest.raises(ConfigurationError, match="no state of highway"):
-        value_slice(small_table, x="speed")
-    with pytest.raises(ConfigurationError, match="not held fixed"):
+        value_slice(small_table, over=("p_x", "speed"))
+    with pytest.raises(ConfigurationError, match="not held"):
         value_slice(small_table, {"p_x": 3.0})

@@ -7,10 +7,11 @@ from peer_cases import air3d, highway, sampled_nodes
 from reference import solve_first_order
 
 from hj_cosim.errors import TableError
-from hj_cosim.reachability.games.catalogue import find_dynamics
-from hj_cosim.reachability.grid import Grid
+from hj_cosim.reachability.games.catalogue import find_game
+from hj_cosim.reachability.solver.schemes import PITCH, SCHEMES
 from hj_cosim.reachability.solver.solver import solve
-from hj_cosim.reachability.table.table import ValueTable, solve_table
+from hj_cosim.reachability.table.store import solve_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import GridSettings, TableSpecification
 
 FIXTURES = Path(__file__).resolve().parent / "fixtures"
@@ -38,14 +39,14 @@ def braking_tube(position: np.ndarray, velocity: np.ndarray, horizon: float, hal
 def test_the_kernel_computes_what_the_formulas_say(highway_small: TableSpecification, boundary: str) -> None:
     specification = changed(highway_small, shape=(11, 9, 7, 7, 8), boundary=(boundary,) * 5)
     specification = specification.model_copy(update={"horizon": 0.3})
-    expected = solve_first_order(specification, find_dynamics("highway"))
+    expected = solve_first_order(specification, find_game("highway"))
     assert solve_table(specification).values == pytest.approx(expected, abs=1e-3)
 
 
 def test_a_periodic_axis_wraps_as_the_formulas_say() -> None:
     specification = air3d().model_copy(update={"scheme": "first_order", "horizon": 0.5})
     specification = changed(specification, shape=(15, 12, 10))
-    expected = solve_first_order(specification, find_dynamics("air3d"))
+    expected = solve_first_order(specification, find_game("air3d"))
     assert solve_table(specification).values == pytest.approx(expected, abs=1e-4)
 
 
@@ -55,7 +56,7 @@ def test_half_of_a_mirrored_grid_gives_what_the_whole_gives(
     highway_small: TableSpecification, scheme: str, shape: tuple[int, ...]
 ) -> None:
     specification = changed(highway_small, shape=shape).model_copy(update={"scheme": scheme, "horizon": 0.2})
-    game = find_dynamics("highway")
+    game = find_game("highway")
     half, _ = solve(specification, game, "test")
     whole, _ = solve(specification, dataclasses.replace(game, mirrored_axes=()), "test")
     assert half == pytest.approx(whole, abs=1e-3)
@@ -63,7 +64,7 @@ def test_half_of_a_mirrored_grid_gives_what_the_whole_gives(
 
 
 def test_the_solution_does_not_depend_on_how_slabs_are_cut(braking: TableSpecification) -> None:
-    game = find_dynamics("double_integrator")
+    game = find_game("double_integrator")
     fine = changed(braking, shape=(301, 41)).model_copy(update={"scheme": "weno5"})
     along_position, _ = solve(fine, game, "test")
     along_velocity, _ = solve(fine, dataclasses.replace(game, slab_axes=(0, 1)), "test")
@@ -138,10 +139,64 @@ def test_a_solve_that_is_not_finite_is_refused(braking: TableSpecification) -> N
         solve_table(specification)
 
 
-def test_without_limits_of_the_state_values_are_no_higher(highway_small: TableSpecification) -> None:
-    specification = changed(highway_small, shape=(21, 9, 7, 7, 7)).model_copy(update={"horizon": 0.5})
-    grid = Grid.from_settings(specification.grid, ("linear",) * 5)
+@pytest.mark.parametrize("bound", ["robot", "other car"])
+def test_limits_of_the_state_are_a_loss_to_the_player_whose_inputs_they_take(
+    highway_small: TableSpecification, bound: str
+) -> None:
+    idle = (
+        {"other_acceleration_min": 0.0, "other_acceleration_max": 0.0}
+        if bound == "robot"
+        else {"omega_max": 0.0, "acceleration_min": 0.0, "acceleration_max": 0.0}
+    )
+    specification = changed(highway_small, shape=(21, 9, 7, 7, 7))
+    specification = specification.model_copy(update={"horizon": 0.5, "parameters": idle})
     limited = solve_table(specification).values
     free = solve_table(specification.model_copy(update={"state_limits": False})).values
-    assert grid.shape == limited.shape
-    assert not np.array_equal(limited, free)
+    loss = free - limited if bound == "robot" else limited - free
+    assert loss.min() >= -1e-3
+    assert loss.max() > 0.1
+
+
+def jiang_peng(d: np.ndarray) -> float:
+    """The left-biased WENO5 derivative of five first differences by the textbook (Osher & Fedkiw, 3.25-3.37)."""
+    v1, v2, v3, v4, v5 = d.astype(float)
+    stencils = np.array(
+        [v1 / 3 - 7 * v2 / 6 + 11 * v3 / 6, -v2 / 6 + 5 * v3 / 6 + v4 / 3, v3 / 3 + 5 * v4 / 6 - v5 / 6]
+    )
+    smoothness = np.array(
+        [
+            13 / 12 * (v1 - 2 * v2 + v3) ** 2 + (v1 - 4 * v2 + 3 * v3) ** 2 / 4,
+            13 / 12 * (v2 - 2 * v3 + v4) ** 2 + (v2 - v4) ** 2 / 4,
+            13 / 12 * (v3 - 2 * v4 + v5) ** 2 + (3 * v3 - 4 * v4 + v5) ** 2 / 4,
+        ]
+    )
+    weights = np.array([0.1, 0.6, 0.3]) / (smoothness + 1e-6) ** 2
+    return float((weights * stencils).sum() / weights.sum())
+
+
+def both_sides(scheme: str, differences: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the left- and the right-biased derivatives that a scheme makes of first differences (2 r, n)."""
+    count = differences.shape[1]
+    rows = np.zeros(len(differences) * PITCH, np.float32)
+    for row, line in enumerate(differences):
+        rows[row * PITCH : row * PITCH + count] = line
+    centre, dissipated = np.zeros(count, np.float32), np.zeros(count, np.float32)
+    SCHEMES[scheme].derivatives(rows, np.ones(count, np.float32), centre, dissipated)  # type: ignore[index]
+    return centre - dissipated, centre + dissipated
+
+
+def test_weno5_weighs_its_stencils_as_the_textbook_does() -> None:
+    differences = np.random.default_rng(11).normal(size=(6, 500)).astype(np.float32)
+    left, right = both_sides("weno5", differences)
+    assert left == pytest.approx([jiang_peng(line[:5]) for line in differences.T], abs=2e-5)
+    assert right == pytest.approx([jiang_peng(line[:0:-1]) for line in differences.T], abs=2e-5)
+
+
+@pytest.mark.parametrize(("scheme", "degree"), [("first_order", 1), ("eno2", 2), ("weno3", 2), ("weno5", 3)])
+def test_a_scheme_is_exact_for_polynomials_of_its_stencils_degree(scheme: str, degree: int) -> None:
+    radius = SCHEMES[scheme].radius  # type: ignore[index]
+    places = np.arange(-radius, radius + 1.0)
+    for coefficients in np.random.default_rng(12).normal(size=(20, degree + 1)):
+        values = np.polyval(coefficients, places)
+        left, right = both_sides(scheme, np.diff(values)[:, None].astype(np.float32))
+        assert [left[0], right[0]] == pytest.approx([coefficients[-2]] * 2, abs=1e-5)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.reachability.games.catalogue import find_dynamics
-from hj_cosim.reachability.games.contract import Dynamics
+from hj_cosim.reachability.games.catalogue import find_game
+from hj_cosim.reachability.games.contract import Game
 
 UNLIMITED = np.array([[-np.inf], [np.inf]], np.float32)
 
 USER_DYNAMICS = """
-from hj_cosim.reachability.games.contract import Dynamics, state_function
+from hj_cosim.reachability.games.contract import Game, state_function
 
 @state_function
 def target(x, c, out):
@@ -43,7 +43,7 @@ def optimal_inputs(x, p, c, limits, u, d):
     for i in range(u.shape[1]):
         u[0, i] = c[0] if p[0, i] > 0.0 else -c[0]
 
-dynamics = Dynamics(
+game = Game(
     name="walker", state=("x", "y"), controls=("speed",), disturbances=(), parameters={"speed": 1.0, "radius": 0.5},
     target=target, flow=flow, hamiltonian=hamiltonian, dissipation=dissipation, optimal_inputs=optimal_inputs,
     boundary=("linear", "linear"), outside=("safe", "clamp"), limited=(False, False), slab_axes=(0, 1),
@@ -51,11 +51,11 @@ dynamics = Dynamics(
 """
 
 
-def parameters_of(game: Dynamics) -> np.ndarray:
+def parameters_of(game: Game) -> np.ndarray:
     return game.parameter_values({}, "test")
 
 
-def input_bounds(game: Dynamics) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
+def input_bounds(game: Game) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
     c = dict(game.parameters)
     if game.name == "highway":
         return (
@@ -73,7 +73,7 @@ def input_bounds(game: Dynamics) -> tuple[list[tuple[float, float]], list[tuple[
     return [(-c["acceleration"], c["acceleration"])], []
 
 
-def random_states(game: Dynamics, count: int) -> tuple[np.ndarray, np.ndarray]:
+def random_states(game: Game, count: int) -> tuple[np.ndarray, np.ndarray]:
     generator = np.random.default_rng(1)
     scale = {"highway": (50.0, 6.0, 0.3, 15.0, 15.0), "air3d": (10.0, 10.0, 3.0), "double_integrator": (2.0, 2.0)}
     states = generator.uniform(-1.0, 1.0, (count, game.dimension)) * scale[game.name]
@@ -85,7 +85,7 @@ def random_states(game: Dynamics, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("name", ["highway", "air3d", "double_integrator"])
 def test_the_hamiltonian_is_what_trying_all_inputs_finds(name: str) -> None:
-    game = find_dynamics(name)
+    game = find_game(name)
     c, limits = parameters_of(game), np.tile(UNLIMITED, (1, game.dimension))
     states, gradients = random_states(game, 200)
     control_bounds, disturbance_bounds = input_bounds(game)
@@ -105,7 +105,7 @@ def test_the_hamiltonian_is_what_trying_all_inputs_finds(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["highway", "air3d", "double_integrator"])
 def test_the_optimal_inputs_attain_the_hamiltonian(name: str) -> None:
-    game = find_dynamics(name)
+    game = find_game(name)
     c, limits = parameters_of(game), np.tile(UNLIMITED, (1, game.dimension))
     states, gradients = random_states(game, 200)
     u, d = game.optimal(states, gradients, c, limits)
@@ -114,7 +114,7 @@ def test_the_optimal_inputs_attain_the_hamiltonian(name: str) -> None:
 
 
 def test_a_sheared_grid_has_the_same_hamiltonian_along_its_own_slopes() -> None:
-    game, shear = find_dynamics("highway"), 1.0 / 12.0
+    game, shear = find_game("highway"), 1.0 / 12.0
     limits = np.tile(UNLIMITED, (1, game.dimension))
     states, slopes = random_states(game, 500)
     plain, sheared = (game.parameter_values({"braking_shear": each}, "the test") for each in (0.0, shear))
@@ -134,7 +134,7 @@ def test_a_sheared_grid_has_the_same_hamiltonian_along_its_own_slopes() -> None:
     [("highway", {}), ("highway", {"braking_shear": 1.0 / 12.0}), ("air3d", {}), ("double_integrator", {})],
 )
 def test_the_dissipation_bounds_every_slope_of_the_hamiltonian(name: str, parameters: dict[str, float]) -> None:
-    game = find_dynamics(name)
+    game = find_game(name)
     c, limits = game.parameter_values(parameters, "the test"), np.tile(UNLIMITED, (1, game.dimension))
     states, gradients = random_states(game, 200)
     bound = np.empty((game.dimension, 1), np.float32)
@@ -149,7 +149,7 @@ def test_the_dissipation_bounds_every_slope_of_the_hamiltonian(name: str, parame
 
 
 def test_no_input_leads_out_of_the_state_limits() -> None:
-    game = find_dynamics("highway")
+    game = find_game("highway")
     limits = np.array([[-np.inf, -np.inf, -0.4, 0.0, 0.0], [np.inf, np.inf, 0.4, 40.0, 40.0]], np.float32)
     states = np.array([[0.0, 3.0, 0.4, 0.0, 40.0], [0.0, 3.0, -0.4, 40.0, 0.0]])
     gradients = np.array([[0.0, 0.0, 1.0, -1.0, -1.0], [0.0, 0.0, -1.0, 1.0, 1.0]])
@@ -168,12 +168,12 @@ def test_no_input_leads_out_of_the_state_limits() -> None:
     ],
 )
 def test_the_target_is_rss_between_bumpers(state: tuple[float, ...], value: float, tolerance: float) -> None:
-    game = find_dynamics("highway")
+    game = find_game("highway")
     assert game.target_values(np.array([state]), parameters_of(game))[0] == pytest.approx(value, abs=tolerance)
 
 
 def test_heading_towards_the_other_car_is_less_safe_than_away_from_it() -> None:
-    game = find_dynamics("highway")
+    game = find_game("highway")
     states = np.array([[0.0, 4.0, heading, 25.0, 25.0] for heading in (-0.05, 0.0, 0.05)])
     towards, straight, away = game.target_values(states, parameters_of(game))
     assert towards < straight < away
@@ -182,7 +182,7 @@ def test_heading_towards_the_other_car_is_less_safe_than_away_from_it() -> None:
 
 
 def test_the_target_mirrors_itself_right_ahead_too() -> None:
-    game = find_dynamics("highway")
+    game = find_game("highway")
     ahead = game.target_values(np.array([[2.0, 0.0, s * 0.2, 20.0, 20.0] for s in (-1.0, 1.0)]), parameters_of(game))
     assert ahead[0] == ahead[1]
     assert not math.isnan(ahead[0])
@@ -190,7 +190,7 @@ def test_the_target_mirrors_itself_right_ahead_too() -> None:
 
 def test_a_user_game_in_a_file_of_its_own_is_found(tmp_path: Path) -> None:
     (tmp_path / "walker.py").write_text(USER_DYNAMICS)
-    game = find_dynamics("walker.py", tmp_path)
+    game = find_game("walker.py", tmp_path)
     assert game.name == "walker"
     assert game.fingerprint
 
@@ -216,14 +216,14 @@ def test_a_file_of_ones_own_is_solved_again_in_another_process(tmp_path: Path) -
 def test_a_file_that_is_no_game_is_refused_in_a_sentence(tmp_path: Path, source: str, complaint: str) -> None:
     (tmp_path / "broken.py").write_text(source)
     with pytest.raises(ConfigurationError, match=complaint):
-        find_dynamics("broken.py", tmp_path)
+        find_game("broken.py", tmp_path)
 
 
 def test_an_unknown_game_is_answered_with_the_known_ones() -> None:
     with pytest.raises(ConfigurationError, match="highway, air3d, double_integrator"):
-        find_dynamics("hyghway")
+        find_game("hyghway")
 
 
 def test_unknown_parameters_are_refused() -> None:
     with pytest.raises(ConfigurationError, match="omega_maximum"):
-        find_dynamics("highway").parameter_values({"omega_maximum": 1.0}, "spec.toml")
+        find_game("highway").parameter_values({"omega_maximum": 1.0}, "spec.toml")

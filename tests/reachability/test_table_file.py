@@ -13,7 +13,7 @@ from test_systems import USER_DYNAMICS
 from test_value_table import SPECIFICATION
 
 from hj_cosim.errors import TableError
-from hj_cosim.reachability.table.table import ValueTable, load_table
+from hj_cosim.reachability.table.store import load_table, read_table
 
 Members = dict[str, bytes]
 MEGABYTE = 2**20
@@ -99,7 +99,7 @@ def test_a_harmful_table_is_refused_in_a_sentence_before_memory_is_taken(table_f
     del members
     tracemalloc.start()
     with pytest.raises(TableError, match="delete it and solve it again") as refused:
-        ValueTable.load(table_file)
+        read_table(table_file)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert said in str(refused.value)
@@ -117,7 +117,7 @@ def test_a_zip_that_claims_a_hundred_gigabytes_is_refused_before_memory_is_taken
                 info.file_size = 10**11  # in the directory, which is written now
     tracemalloc.start()
     with pytest.raises(TableError, match="delete it and solve it again"):
-        ValueTable.load(table_file)
+        read_table(table_file)
     assert tracemalloc.get_traced_memory()[1] < MEMORY
     tracemalloc.stop()
 
@@ -132,7 +132,7 @@ def test_a_zip_whose_member_is_not_as_long_as_it_claims_is_refused(table_file: P
             archive.writestr(name, content)
         archive.getinfo("values.npy").file_size = size
     with pytest.raises(TableError, match="delete it and solve it again"):
-        ValueTable.load(table_file)
+        read_table(table_file)
 
 
 @pytest.mark.parametrize("bit", [0x1, 0x20, 0x40])
@@ -148,7 +148,7 @@ def test_a_zip_with_a_flag_that_we_cannot_read_is_refused(table_file: Path, bit:
         place += 4
     table_file.write_bytes(content)
     with pytest.raises(TableError, match="delete it and solve it again"):
-        ValueTable.load(table_file)
+        read_table(table_file)
 
 
 def test_a_member_that_is_there_twice_is_refused(table_file: Path) -> None:
@@ -156,7 +156,7 @@ def test_a_member_that_is_there_twice_is_refused(table_file: Path) -> None:
     with pytest.warns(UserWarning, match="Duplicate"), zipfile.ZipFile(table_file, "a") as archive:
         archive.writestr("values.npy", members["values.npy"])
     with pytest.raises(TableError, match="delete it and solve it again"):
-        ValueTable.load(table_file)
+        read_table(table_file)
 
 
 def test_a_python_file_that_a_table_names_is_not_run(tmp_path: Path) -> None:
@@ -167,8 +167,8 @@ def test_a_python_file_that_a_table_names_is_not_run(tmp_path: Path) -> None:
     solved = load_table(str(specification))
     game.write_text(f"open({str(tmp_path / 'proof')!r}, 'w')\n" + USER_DYNAMICS)
     with pytest.raises(TableError, match="is not run because a table says so; load it by its specification"):
-        ValueTable.load(specification.with_suffix(".npz"))
+        read_table(specification.with_suffix(".npz"))
     assert not (tmp_path / "proof").exists()
     game.write_text(USER_DYNAMICS)
-    back = ValueTable.load(specification.with_suffix(".npz"), solved.specification)
+    back = read_table(specification.with_suffix(".npz"), solved.specification)
     np.testing.assert_array_equal(back.values, solved.values)

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from test_systems import USER_DYNAMICS
 
+from hj_cosim import locations
 from hj_cosim.errors import ConfigurationError, TableError
-from hj_cosim.reachability.games.catalogue import find_dynamics
-from hj_cosim.reachability.table import table as value_table
+from hj_cosim.reachability.games.catalogue import find_game
 from hj_cosim.reachability.table.lookup import values_and_gradients
-from hj_cosim.reachability.table.table import ValueTable, load_table, read_specification, solve_table
+from hj_cosim.reachability.table.store import load_table, read_specification, read_table, save_table, solve_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import GridSettings, TableSpecification
 
 SPECIFICATION = """
@@ -34,15 +35,15 @@ def specification_file(tmp_path: Path) -> Path:
 
 def test_a_table_comes_back_from_its_file_as_it_was(tmp_path: Path, braking: TableSpecification) -> None:
     table = solve_table(braking)
-    table.save(tmp_path / "table.npz")
-    back = ValueTable.load(tmp_path / "table.npz")
+    save_table(table, tmp_path / "table.npz")
+    back = read_table(tmp_path / "table.npz")
     assert np.array_equal(back.values, table.values)
     assert back.specification == table.specification
     assert back.report == table.report
 
 
 def test_the_file_holds_what_scripts_rely_on(tmp_path: Path, braking: TableSpecification) -> None:
-    solve_table(braking).save(tmp_path / "table.npz")
+    save_table(solve_table(braking), tmp_path / "table.npz")
     with np.load(tmp_path / "table.npz") as content:
         assert set(content.files) == {"values", "axis0", "axis1", "spec", "report"}
         assert content["values"].dtype == np.float32
@@ -120,7 +121,7 @@ def test_an_interrupted_solve_leaves_no_file(specification_file: Path) -> None:
 
 def test_a_missing_table_is_refused_in_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(TableError, match="there is no table"):
-        ValueTable.load(tmp_path / "nothing.npz")
+        read_table(tmp_path / "nothing.npz")
 
 
 @pytest.mark.parametrize(
@@ -177,7 +178,7 @@ def test_a_user_game_is_solved_from_its_own_file(tmp_path: Path) -> None:
 
 
 def test_a_highway_table_is_looked_up_as_planning_and_filtering_do(small_table: ValueTable) -> None:
-    states = np.random.default_rng(0).uniform(-200.0, 200.0, (300, 5))
+    states = np.random.default_rng(0).uniform(-200.0, 200.0, (300, 5)) * [1.0, 1.0, 0.01, 1.0, 1.0]
     values, gradients = values_and_gradients(small_table.arrays, states)
     assert np.array_equal(small_table.value(states), values)
     assert np.array_equal(small_table.gradient(states), gradients)
@@ -188,7 +189,9 @@ def test_a_game_with_the_same_state_and_another_target_is_interpolated_itself(sm
     def far(x: np.ndarray, c: np.ndarray, out: np.ndarray) -> None:
         out[:] = 1.0
 
-    table = dataclasses.replace(small_table, dynamics=dataclasses.replace(small_table.dynamics, target=far))
+    table = dataclasses.replace(
+        small_table, game=dataclasses.replace(small_table.game, target=far, target_formula=None)
+    )
     lower, upper = np.array(table.grid.lower), np.array(table.grid.upper)
     states = np.random.default_rng(1).uniform(lower, upper, (300, 5))
     values, gradients = values_and_gradients(table.arrays, states)
@@ -225,14 +228,14 @@ def test_the_optimal_control_turns_away_and_the_disturbance_closes_in(small_tabl
 
 
 def test_every_specification_that_comes_with_the_package_is_valid() -> None:
-    folder = value_table.locations.specifications_folder()
+    folder = locations.specifications_folder()
     for path in folder.glob("*.toml"):
         assert read_specification(path).grid.shape
 
 
 def a_table_of(name: str) -> ValueTable:
     """Return a table of any values; what is outside, periodic and unknown does not depend on them."""
-    dynamics = find_dynamics(name)
+    game = find_game(name)
     grids = {
         "air3d": GridSettings(lower=(-6.0, -10.0, 0.0), upper=(20.0, 10.0, 2.0 * np.pi), shape=(9, 8, 7)),
         "highway": GridSettings(
@@ -241,7 +244,7 @@ def a_table_of(name: str) -> ValueTable:
     }
     specification = TableSpecification(dynamics=name, grid=grids[name])
     values = np.random.default_rng(1).normal(size=grids[name].shape).astype(np.float32)
-    return ValueTable(specification, dynamics, values, report=None)  # type: ignore[arg-type]
+    return ValueTable(specification, game, values, report=None)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", ["air3d", "highway"])

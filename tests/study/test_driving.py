@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from hj_cosim.cosim.configuration import resolve_config
-from hj_cosim.reachability.table.table import table_path
+from hj_cosim.reachability.table.store import table_path
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.jobs import EpisodeJob
 from hj_cosim.study.local_workers import LocalWorkers

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hj_cosim.reachability.table.table import table_path
+from hj_cosim.reachability.table.store import table_path
 from hj_cosim.study import study as study_module
 from hj_cosim.study.design import design_study
 from hj_cosim.study.driving import drive_episode

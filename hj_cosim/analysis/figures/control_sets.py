@@ -10,7 +10,7 @@ from hj_cosim.control.catalogue import make_filter
 from hj_cosim.control.guard import GuardedFilter
 from hj_cosim.control.problem.nearest_control import RowsDecision
 from hj_cosim.errors import OutputError
-from hj_cosim.reachability.table.car_values import car_values
+from hj_cosim.reachability.table.cars import car_values
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.run_folder import Run
 from hj_cosim.scene.observation import Control

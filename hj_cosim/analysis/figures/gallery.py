@@ -21,9 +21,10 @@ from hj_cosim.analysis.figures.trade_off import trade_off
 from hj_cosim.analysis.figures.value_along_drive import value_along_drive
 from hj_cosim.analysis.figures.value_slice import value_slice
 from hj_cosim.errors import OutputError, RunFolderError, TableError
-from hj_cosim.reachability.table.table import ValueTable, find_specification, load_table
+from hj_cosim.reachability.table.store import find_specification, load_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.run_folder import CONFIG, Run, read_config, read_run
-from hj_cosim.settings import Scenario, read_toml, validate
+from hj_cosim.settings import RobotSettings, Scenario, read_toml, validate
 from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.sources.placement import density
 from hj_cosim.traffic.sources.scenarios import network_path
@@ -119,13 +120,17 @@ def table_of(run: Run) -> ValueTable:
             anybody, and what it names is not run.
     """
     name = str(run.config["table"])
-    dynamics = str(read_toml(find_specification(name)).get("dynamics", ""))
+    path = find_specification(name)
+    robot = validate(RobotSettings, run.config["robot"], f"{run.folder / CONFIG}: robot")
+    if path.suffix == ".npz":  # read, it runs nothing
+        return load_table(name, robot=robot)
+    dynamics = str(read_toml(path).get("dynamics", ""))
     if dynamics.endswith(".py"):
         raise TableError(
             f"{run.folder} was driven with {name}, whose game is the Python file {dynamics}, which is not run because a"
             " run's folder says so; load_table it in Python and give it to write_report or draw_figure"
         )
-    return load_table(name)
+    return load_table(name, robot=robot)
 
 
 def scenario_densities(study: Path) -> dict[str, float]:

@@ -12,7 +12,7 @@ VALUE_LIMIT = 15.0  # m, beyond which all values look the same: the cubic of V(0
 def draw_value_contours(
     axes: Axes, along: np.ndarray, aside: np.ndarray, values: np.ndarray, limit: float = VALUE_LIMIT
 ) -> ScalarMappable:
-    """Draw V (len(aside), len(along)) over positions in m; the zero level is a solid line, ± 5 m are dotted.
+    """Draw V (len(aside), len(along)) over two axes; the zero level is a solid line, ± limit/3 are dotted.
 
     Returns:
         What a colour bar is made of.
@@ -22,8 +22,14 @@ def draw_value_contours(
     filled = axes.contourf(
         along, aside, clipped, levels=levels, cmap=style.VALUE_COLOURS, norm=style.value_norm(limit), zorder=0.5
     )
-    axes.contour(along, aside, clipped, levels=[0.0], colors=style.BLACK, linewidths=1.3, zorder=2)
-    axes.contour(along, aside, clipped, levels=[-5.0, 5.0], colors=style.GREY, linewidths=0.8, linestyles=":", zorder=2)
+    third = limit / 3.0
+    for level, look in (
+        (0.0, {"colors": style.BLACK, "linewidths": 1.3}),
+        (-third, {"colors": style.GREY, "linewidths": 0.8, "linestyles": ":"}),
+        (third, {"colors": style.GREY, "linewidths": 0.8, "linestyles": ":"}),
+    ):
+        if clipped.min() < level < clipped.max():  # else there is no such line, and Matplotlib complains
+            axes.contour(along, aside, clipped, levels=[level], zorder=2, **look)
     return filled
 
 

@@ -26,6 +26,8 @@ from hj_cosim.settings import FilterSettings, RobotSettings
 TIE_WEIGHT = 1e-6  # of λ_1, λ_2 after scaling by ω̄ and ā
 # An answer is refused when it misses a row or the box by more than this (in a row's units, relative to the slack).
 FEASIBILITY_TOLERANCE = 1e-4
+# A row with a larger coefficient comes from a broken table; squares of smaller ones do not overflow in any solver.
+LARGEST_COEFFICIENT = 1e12
 # The last resort, and the solver inside jitted rollouts.
 ENUMERATION = "enumeration"
 # In MI the desired control is the solution, of cost 0, where it lies in the box and meets all rows.
@@ -61,6 +63,11 @@ class SafetyRows:
 
     def __len__(self) -> int:
         return len(self.p)
+
+    @property
+    def are_possible(self) -> bool:
+        """Whether every number is one, and none larger than a sound table's."""
+        return all(np.abs(numbers).max(initial=0.0) <= LARGEST_COEFFICIENT for numbers in (self.p, self.q, self.c))
 
     def margins(self, omega: float, acceleration: float) -> np.ndarray:
         """Return p ω + q a + c, (K,): negative where a control violates a row."""

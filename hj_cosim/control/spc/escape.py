@@ -39,20 +39,20 @@ def manoeuvres_for(table: ValueTable, robot: RobotSettings) -> Manoeuvres:
     """Return the manoeuvres that a robot has, judged in the game of a table.
 
     Raises:
-        TableError: if it is not a table of the highway game.
+        TableError: if none are known for its game.
     """
-    if not table.is_highway:
+    if table.game.manoeuvres is None:
         raise TableError(
-            f"no manoeuvres are known for the game {table.dynamics.name}, only for highway;"
-            " set filter.keep_escape=false to drive without"
+            f"no manoeuvres are known for the game {table.game.name}; set filter.keep_escape=false to drive without"
         )
-    return table.manoeuvres(
+    manoeuvres: Manoeuvres = table.manoeuvres(
         {
             "omega_max": robot.omega_max,
             "acceleration_min": robot.acceleration_min,
             "acceleration_max": robot.acceleration_max,
         }
     )
+    return manoeuvres
 
 
 class Extent(NamedTuple):

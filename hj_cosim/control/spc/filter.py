@@ -10,7 +10,7 @@ from hj_cosim.control.problem.nearest_control import NearestControl, RowsDecisio
 from hj_cosim.control.problem.safety_problem import NO_ROWS, SafetyRows, available_controls
 from hj_cosim.control.spc.escape import ESCAPING, NO_ESCAPE, PASSED, Extent, keep_escape_in_traffic, manoeuvres_for
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
-from hj_cosim.reachability.games.highway.rows import Disturbance, hji_rows
+from hj_cosim.reachability.table.cars import pair_states
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.settings import FilterSettings, RobotSettings
@@ -32,7 +32,7 @@ class SafetyPreservingFilter:
 
     Raises:
         ConfigurationError: if the chosen backend is not installed.
-        TableError: if the table's game lacks what the rows or the manoeuvres need.
+        TableError: if an escape is to be kept and the table's game has no manoeuvres.
     """
 
     def __init__(self, settings: FilterSettings, robot: RobotSettings, table: ValueTable, step: float) -> None:
@@ -40,8 +40,7 @@ class SafetyPreservingFilter:
         self._epsilon = settings.epsilon
         self._recovery = settings.recovery
         self._step = step
-        self._arrays = table.arrays
-        self._disturbance = Disturbance.of(table)
+        self._table = table
         self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
         self._extent = Extent.of(table)
         self._limits = limits_of(robot)
@@ -74,18 +73,12 @@ class SafetyPreservingFilter:
 
     def _rows(self, observation: Observation, values: CarValues, epsilon: float) -> SafetyRows | None:
         """Return the rows of the cars with V <= ε: no V of theirs may fall; None where a row is not finite."""
-        cars, rows = hji_rows(
-            self._arrays,
-            observation.robot,
-            observation.cars,
-            values.value,
-            epsilon,
-            self._recovery,
-            self._disturbance,
-        )
-        if len(cars) == 0:
-            return None
-        return SafetyRows(observation.vehicle[cars], *rows)
+        cars = np.flatnonzero(values.value <= epsilon)
+        value, p, q, c = self._table.rows(pair_states(observation.robot, observation.cars, cars))
+        if self._recovery > 0.0:
+            c -= self._recovery * np.minimum(self._epsilon - value, self._epsilon)
+        rows = SafetyRows(observation.vehicle[cars], value, p, q, c)
+        return rows if rows.are_possible else None
 
     def _available(self, robot: np.ndarray) -> np.ndarray:
         """Return the controls that do not lead beyond the table within a step, (4,)."""

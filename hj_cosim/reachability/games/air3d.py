@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from hj_cosim.reachability.games.contract import Dynamics, state_function
+from hj_cosim.reachability.games.contract import Game, state_function
 
 
 @state_function
@@ -57,7 +57,7 @@ def optimal_inputs(x, p, c, limits, u, d):  # type: ignore[no-untyped-def]
         d[0, i] = -c[3] * np.sign(p[2, i])
 
 
-dynamics = Dynamics(
+game = Game(
     name="air3d",
     state=("x", "y", "psi"),
     controls=("omega_e",),
@@ -79,4 +79,5 @@ dynamics = Dynamics(
     limited=(False, False, False),
     slab_axes=(1, 0),
     mirrored_axes=(1, 2),
+    angles=("psi",),
 )

@@ -10,19 +10,21 @@ from pathlib import Path
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.reachability.games import air3d, double_integrator
-from hj_cosim.reachability.games.contract import Dynamics
+from hj_cosim.reachability.games.contract import Game
 from hj_cosim.reachability.games.highway import game as highway
 
 
 @cache
-def registered_dynamics() -> Mapping[str, Dynamics]:
+def registered_games() -> Mapping[str, Game]:
     """Return the games that come with the package, by name."""
     modules = (highway, air3d, double_integrator)
-    return {module.dynamics.name: _fingerprinted(module.dynamics, Path(str(module.__file__))) for module in modules}
+    return {module.game.name: _fingerprinted(module.game, Path(str(module.__file__))) for module in modules}
 
 
-def find_dynamics(name: str, folder: Path | None = None) -> Dynamics:
-    """Return the game that a specification names: a registered one, or a Python file with a `dynamics` in it.
+def find_game(name: str, folder: Path | None = None) -> Game:
+    """Return the game that a specification names: a registered one, or one in a Python file.
+
+    The file defines `game`, a Game; `dynamics` is the name that earlier files give it.
 
     Args:
         name: a registered name, or a path to a .py file.
@@ -32,7 +34,7 @@ def find_dynamics(name: str, folder: Path | None = None) -> Dynamics:
         ConfigurationError: if there is no such game, or the file does not define one.
     """
     if not name.endswith(".py"):
-        known = registered_dynamics()
+        known = registered_games()
         if name not in known:
             raise ConfigurationError(
                 f"dynamics = {name!r}: choose one of {', '.join(known)}, or give a path to a .py file"
@@ -42,7 +44,7 @@ def find_dynamics(name: str, folder: Path | None = None) -> Dynamics:
     if not path.is_file():
         raise ConfigurationError(f"dynamics = {name!r}: there is no file {path}")
     place = hashlib.sha256(str(path).encode()).hexdigest()[:16]  # two files of one name are two modules
-    module_name = f"hj_cosim_dynamics_{path.stem}_{place}"
+    module_name = f"hj_cosim_game_{path.stem}_{place}"
     specification = importlib.util.spec_from_file_location(module_name, path)
     if specification is None or specification.loader is None:
         raise ConfigurationError(f"dynamics = {name!r}: {path} cannot be imported as Python")
@@ -51,13 +53,15 @@ def find_dynamics(name: str, folder: Path | None = None) -> Dynamics:
     sys.modules[module_name] = module
     try:
         specification.loader.exec_module(module)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from error
     except (SyntaxError, ImportError, NameError, AttributeError, TypeError, ValueError) as error:
         raise ConfigurationError(f"dynamics = {name!r}: {path} fails on import: {error}") from error
-    dynamics = getattr(module, "dynamics", None)
-    if not isinstance(dynamics, Dynamics):
-        raise ConfigurationError(f"dynamics = {name!r}: {path} must define `dynamics`, a Dynamics")
-    return _fingerprinted(dynamics, path)
+    game = getattr(module, "game", getattr(module, "dynamics", None))
+    if not isinstance(game, Game):
+        raise ConfigurationError(f"dynamics = {name!r}: {path} must define `game`, a Game")
+    return _fingerprinted(game, path)
 
 
-def _fingerprinted(dynamics: Dynamics, source: Path) -> Dynamics:
-    return replace(dynamics, fingerprint=hashlib.sha256(source.read_bytes()).hexdigest())
+def _fingerprinted(game: Game, source: Path) -> Game:
+    return replace(game, fingerprint=hashlib.sha256(source.read_bytes()).hexdigest())

@@ -4,7 +4,7 @@ x = (position, velocity), dx = (velocity, u), |u| <= acceleration; unsafe within
 V(0, x) = |position| − half_width. There is no disturbance.
 """
 
-from hj_cosim.reachability.games.contract import Dynamics, state_function
+from hj_cosim.reachability.games.contract import Game, state_function
 
 
 @state_function
@@ -49,7 +49,7 @@ def optimal_inputs(x, p, c, limits, u, d):  # type: ignore[no-untyped-def]
             u[0, i] = -c[0]
 
 
-dynamics = Dynamics(
+game = Game(
     name="double_integrator",
     state=("position", "velocity"),
     controls=("u",),

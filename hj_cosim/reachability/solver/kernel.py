@@ -12,7 +12,7 @@ Why it has this shape:
 - There are no ghost nodes. Schemes need differences only, and a face's extrapolation is a difference repeated.
   `Layout.stencils` has looked up beforehand which lines make a difference across an axis.
 - Where the game mirrors itself only half of the grid is stored: a neighbour beyond the mirror is another stored line.
-- Dynamics and schemes are called through C function pointers, once a slab. So the kernel is compiled once, is cached
+- Games and schemes are called through C function pointers, once a slab. So the kernel is compiled once, is cached
   on disk, and serves every game.
 - It releases the interpreter's lock and runs on a range of slabs: threads share the slabs between them.
 """

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.reachability.games.contract import Dynamics
+from hj_cosim.reachability.games.contract import Game
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.solver.schemes import MOST_NODES
 
@@ -71,16 +71,16 @@ class Layout:
         return np.ascontiguousarray(values.transpose(np.argsort(self.order)))
 
 
-def lay_out(dynamics: Dynamics, grid: Grid, radius: int) -> Layout:
+def lay_out(game: Game, grid: Grid, radius: int) -> Layout:
     """Return the layout of a game's grid for schemes of a radius; half of it where the grid mirrors itself.
 
     Raises:
         ConfigurationError: if the innermost axis is too long for the kernel's work arrays.
     """
-    inner = list(dynamics.slab_axes)
+    inner = list(game.slab_axes)
     if grid.shape[inner[-1]] > MOST_NODES:
         raise ConfigurationError(
-            f"grid.shape: {grid.shape[inner[-1]]} nodes along {dynamics.state[inner[-1]]}; at most {MOST_NODES} there"
+            f"grid.shape: {grid.shape[inner[-1]]} nodes along {game.state[inner[-1]]}; at most {MOST_NODES} there"
         )
     order = [axis for axis in range(grid.dimension) if axis not in inner] + inner
     nodes = np.array(grid.shape, np.int64)[order]
@@ -88,9 +88,9 @@ def lay_out(dynamics: Dynamics, grid: Grid, radius: int) -> Layout:
     spacing = grid.spacing[order]
     boundary = [_BOUNDARY_CODES[grid.boundary[axis]] for axis in order]
     mirrored = np.zeros(grid.dimension, bool)
-    fold, on_node = _fold(dynamics, grid, order)
+    fold, on_node = _fold(game, grid, order)
     if fold >= 0:
-        mirrored[:] = [axis in dynamics.mirrored_axes for axis in order]
+        mirrored[:] = [axis in game.mirrored_axes for axis in order]
         origin[fold] = 0.0 if on_node else spacing[fold] / 2.0
         nodes[fold] = (nodes[fold] + 1) // 2
     strides = np.append(np.cumprod(nodes[:0:-1])[::-1], 1)
@@ -126,10 +126,10 @@ def lay_out(dynamics: Dynamics, grid: Grid, radius: int) -> Layout:
     )
 
 
-def _fold(dynamics: Dynamics, grid: Grid, order: list[int]) -> tuple[int, bool]:
+def _fold(game: Game, grid: Grid, order: list[int]) -> tuple[int, bool]:
     """Return the axis of which half is stored, or -1, and whether a node lies on the mirror."""
-    foldable = [axis for axis in dynamics.mirrored_axes if grid.boundary[axis] != "periodic"]
-    if not foldable or not all(grid.mirrors_itself(axis) for axis in dynamics.mirrored_axes):
+    foldable = [axis for axis in game.mirrored_axes if grid.boundary[axis] != "periodic"]
+    if not foldable or not all(grid.mirrors_itself(axis) for axis in game.mirrored_axes):
         return -1, False
     return order.index(foldable[0]), grid.shape[foldable[0]] % 2 == 1
 

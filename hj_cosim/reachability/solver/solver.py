@@ -20,7 +20,7 @@ import numba
 import numpy as np
 
 from hj_cosim.errors import TableError
-from hj_cosim.reachability.games.contract import DISSIPATION, HAMILTONIAN, TARGET, Dynamics, pointer
+from hj_cosim.reachability.games.contract import DISSIPATION, HAMILTONIAN, TARGET, Game, pointer
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.solver import kernel
 from hj_cosim.reachability.solver.layout import lay_out
@@ -52,12 +52,12 @@ class SolveReport:
     versions: dict[str, str]
 
 
-def state_limits(dynamics: Dynamics, grid: Grid, limited: bool) -> np.ndarray:
+def state_limits(game: Game, grid: Grid, limited: bool) -> np.ndarray:
     """Return the least and greatest state that inputs may lead to, (2, n) float32; ±inf without a limit."""
-    limits = np.empty((2, dynamics.dimension), np.float32)
+    limits = np.empty((2, game.dimension), np.float32)
     limits[0], limits[1] = -np.inf, np.inf
     if limited:
-        mask = np.array(dynamics.limited)
+        mask = np.array(game.limited)
         limits[0, mask] = np.array(grid.lower, np.float32)[mask]
         limits[1, mask] = np.array(grid.upper, np.float32)[mask]
     return limits
@@ -66,13 +66,13 @@ def state_limits(dynamics: Dynamics, grid: Grid, limited: bool) -> np.ndarray:
 class Problem:
     """A game on a grid, laid out in memory for the kernel, with its functions as C functions."""
 
-    def __init__(self, dynamics: Dynamics, grid: Grid, specification: TableSpecification, source: str) -> None:
+    def __init__(self, game: Game, grid: Grid, specification: TableSpecification, source: str) -> None:
         scheme = SCHEMES[specification.scheme]
         self.runge_kutta = specification.runge_kutta or scheme.runge_kutta
-        self.layout = layout = lay_out(dynamics, grid, scheme.radius)
-        self.parameters = dynamics.parameter_values(specification.parameters, source)
-        self.target = pointer(dynamics.target, TARGET)
-        dissipation = pointer(dynamics.dissipation, DISSIPATION)
+        self.layout = layout = lay_out(game, grid, scheme.radius)
+        self.parameters = game.parameter_values(specification.parameters, source)
+        self.target = pointer(game.target, TARGET)
+        dissipation = pointer(game.dissipation, DISSIPATION)
         # What the kernels take, in their order.
         self.nodes = (layout.nodes, np.array(layout.order), layout.coordinates, layout.slab_lines)
         self.stage = (
@@ -81,10 +81,10 @@ class Problem:
             layout.mirror_shifts,
             layout.line_boundary,
             pointer(scheme.derivatives, DERIVATIVES),
-            pointer(dynamics.hamiltonian, HAMILTONIAN),
+            pointer(game.hamiltonian, HAMILTONIAN),
             dissipation,
             self.parameters,
-            state_limits(dynamics, grid, specification.state_limits),
+            state_limits(game, grid, specification.state_limits),
         )
         speed = kernel.largest_speed(*self.nodes, layout.inverse_spacing, dissipation, self.parameters)
         self.time_step = specification.cfl / speed
@@ -108,13 +108,13 @@ def _slab_workers(problem: Problem) -> Iterator[Callable[..., None]]:
 
 
 def solve(
-    specification: TableSpecification, dynamics: Dynamics, source: str, progress: Progress | None = None
+    specification: TableSpecification, game: Game, source: str, progress: Progress | None = None
 ) -> tuple[np.ndarray, SolveReport]:
     """Solve for V(−horizon, ·).
 
     Args:
         specification: what to solve.
-        dynamics: the game that it names.
+        game: the one that it names.
         source: what an error message calls the specification.
         progress: called with the steps done and the steps in all, after each.
 
@@ -127,8 +127,8 @@ def solve(
         ConfigurationError: if parameters are not the game's.
     """
     began = time.perf_counter()
-    grid = Grid.from_settings(specification.grid, dynamics.boundary)
-    problem = Problem(dynamics, grid, specification, source)
+    grid = Grid.from_settings(specification.grid, game.boundary)
+    problem = Problem(game, grid, specification, source)
     layout = problem.layout
     values, first, second = layout.buffer(), layout.buffer(), layout.buffer()
     with _slab_workers(problem) as over_slabs:

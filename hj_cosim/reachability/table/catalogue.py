@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hj_cosim.errors import TableError
 from hj_cosim.locations import names_in, specifications_folder
-from hj_cosim.reachability.table.table import ValueTable, find_specification, read_specification, table_path
+from hj_cosim.reachability.table.store import find_specification, read_specification, read_table, table_path
 from hj_cosim.settings import TableSpecification, overlay, validate
 
 
@@ -51,7 +51,7 @@ def _state(kept: Path, specification: TableSpecification) -> str:
     if not kept.is_file():
         return "not solved"
     try:
-        return "solved" if ValueTable.load(kept).specification == specification else "outdated"
+        return "solved" if read_table(kept).specification == specification else "outdated"
     except TableError:
         return "outdated"
 

@@ -17,40 +17,15 @@ import math
 
 import numpy as np
 
-from hj_cosim.reachability.games.contract import Dynamics, state_function
+from hj_cosim.reachability.games.contract import TWO_CARS, BrakingShear, Game, ManoeuvreBounds, state_function
+from hj_cosim.reachability.games.highway.manoeuvre_cap import capped
+from hj_cosim.reachability.games.highway.manoeuvres import lower_bounds, manoeuvres_of
+from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed
+from hj_cosim.reachability.games.highway.pair import of_pair
+from hj_cosim.reachability.games.highway.parameters import PARAMETERS
+from hj_cosim.reachability.games.highway.rows import closed_half_planes
+from hj_cosim.reachability.games.highway.target import TargetFormula
 from hj_cosim.vehicles.rss import lateral_distance, longitudinal_distance
-
-# The order in which the functions below unpack them.
-PARAMETERS = {
-    "omega_max": 0.3,  # rad/s, |ω_r| <= this
-    "acceleration_min": -6.0,  # m/s², of the robot
-    "acceleration_max": 4.0,
-    "other_heading_max": 0.1,  # rad, |θ_o| <= this
-    "other_acceleration_min": -6.0,  # m/s²
-    "other_acceleration_max": 4.0,
-    "length": 5.0,  # m, mean of both bodies
-    "width": 2.0,
-    "response_time": 0.3,  # s, ρ of RSS; the rest of RSS's parameters follow
-    "acceleration": 3.0,
-    "brake_min": 6.0,
-    "brake_max": 6.0,
-    "lateral_acceleration": 0.2,
-    "lateral_brake": 0.8,
-    "lateral_margin": 0.1,
-    "braking_shear": 0.0,  # s²/m, k of the grid's first axis
-}
-
-
-def grid_points(states: np.ndarray, braking_shear: float) -> np.ndarray:
-    """Return the grid's coordinates of `states`, (n, 5)."""
-    points = np.array(states, np.float64)
-    points[..., 0] -= braking_shear * (points[..., 4] ** 2 - points[..., 3] ** 2)
-    return points
-
-
-def states_at(points: np.ndarray, braking_shear: float) -> np.ndarray:
-    """Return the states at `points` of the grid, (n, 5)."""
-    return grid_points(points, -braking_shear)
 
 
 @state_function
@@ -153,12 +128,14 @@ def dissipation(x, c, out):  # type: ignore[no-untyped-def]
 @state_function
 def optimal_inputs(x, p, c, limits, u, d):  # type: ignore[no-untyped-def]
     """The inputs that attain the Hamiltonian; where an input does not matter it is 0."""
+    other = Disturbance(c[3], c[4], c[5])
     for i in range(u.shape[1]):
         u[0, i] = _box_maximiser(p[2, i], x[2, i], limits[0, 2], limits[1, 2], -c[0], c[0])
         u[1, i] = _box_maximiser(p[3, i], x[3, i], limits[0, 3], limits[1, 3], c[1], c[2])
+        right, left, least, most = allowed(other, x[0, i], x[1, i], x[3, i], x[4, i])
         along = 0.0 if p[0, i] == 0.0 and p[1, i] == 0.0 else math.atan2(p[1, i], p[0, i])
-        d[0, i] = min(max(along, -c[3]), c[3])
-        d[1, i] = _box_maximiser(-p[4, i], x[4, i], limits[0, 4], limits[1, 4], c[4], c[5])
+        d[0, i] = min(max(along, right), left)
+        d[1, i] = _box_maximiser(-p[4, i], x[4, i], limits[0, 4], limits[1, 4], least, most)
 
 
 @state_function
@@ -171,9 +148,9 @@ def _box_maximiser(slope, state, state_low, state_high, low, high):  # type: ign
     return np.float32(0.0)
 
 
-dynamics = Dynamics(
+game = Game(
     name="highway",
-    state=("p_x", "p_y", "theta", "v_r", "v_o"),
+    state=TWO_CARS,
     controls=("omega_r", "a_r"),
     disturbances=("theta_o", "a_o"),
     parameters=PARAMETERS,
@@ -187,4 +164,12 @@ dynamics = Dynamics(
     limited=(False, False, True, True, True),
     slab_axes=(4, 0),
     mirrored_axes=(1, 2),
+    angles=("theta",),
+    # The paper's figure of the value function: both cars parallel, the robot at 10 m/s, the other at 20 m/s.
+    drawn_at={"theta": 0.0, "v_r": 10.0, "v_o": 20.0},
+    shear=BrakingShear("braking_shear"),
+    target_formula=TargetFormula.of_game,
+    closed_half_planes=closed_half_planes,
+    manoeuvres=ManoeuvreBounds(of_game=manoeuvres_of, lower_bounds=lower_bounds, capped=capped),
+    of_pair=of_pair,
 )

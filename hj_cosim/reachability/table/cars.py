@@ -1,4 +1,4 @@
-"""V of all cars of an observation, looked up once a step for all who want it."""
+"""A table of two cars asked about all cars of an observation: once a step, for all who want it."""
 
 import math
 
@@ -34,3 +34,20 @@ def _car_values(table: TableArrays, robot: np.ndarray, cars: Cars) -> tuple[np.n
             least, nearest = value[j], j
         known = known and value[j] > -math.inf
     return (value, least, nearest) if known else (value, math.nan, NOBODY)
+
+
+@njit(cache=True)
+def pair_states(robot: np.ndarray, cars: Cars, chosen: np.ndarray) -> np.ndarray:
+    """Return the states (p_x, p_y, θ, v_r, v_o) of the robot and some of the cars, (K, 5).
+
+    Args:
+        robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
+        cars: all of them, J.
+        chosen: (K,) int, which.
+    """
+    states = np.empty((len(chosen), 5))
+    for k in range(len(chosen)):
+        j = chosen[k]
+        states[k, 0], states[k, 1] = robot[0] - cars.x[j], robot[1] - cars.y[j]
+        states[k, 2], states[k, 3], states[k, 4] = robot[2], robot[3], cars.speed[j]
+    return states
