@@ -33,6 +33,18 @@ class SimulationError(HjCosimError):
     """SUMO or a solver failed in the middle of an episode."""
 
 
+class DriveEnded(HjCosimError):
+    """The robot cannot drive on, though nothing failed: an episode that is on its way keeps what it drove.
+
+    Attributes:
+        reason: a few words, as summary.json has them under `ended`.
+    """
+
+    def __init__(self, reason: str, message: str) -> None:
+        super().__init__(message)
+        self.reason = reason
+
+
 class OutputError(HjCosimError):
     """A figure, an export or a report of an unknown kind was asked for, or of a run that does not hold its data."""
 

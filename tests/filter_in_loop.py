@@ -8,11 +8,11 @@ from hj_cosim.control.guard import GuardedFilter
 from hj_cosim.reachability.table.cars import car_values
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Control, Observation
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import FilterSettings, RobotSettings
 
 ROBOT = RobotSettings()
-ROAD = Road(lane_count=4)
+ROAD = StraightRoad(lane_count=4)
 STEP = 0.02
 
 

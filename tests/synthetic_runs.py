@@ -13,7 +13,7 @@ from hj_cosim.metrics.threats import threat_track
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import NO_VEHICLE, RobotTrack, RunRecord, TrafficTrack
 from hj_cosim.recording.run_folder import write_run
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import Road, StraightRoad
 from hj_cosim.settings import EpisodeConfig, Scenario
 
 STEP = 0.02
@@ -21,7 +21,7 @@ STEP = 0.02
 
 def random_record(samples: int = 200, cars: int = 12, seed: int = 0, road: Road | None = None) -> RunRecord:
     """Return a run of cars at random places and speeds, some of which come late or leave early."""
-    road = road or Road(lane_count=4)
+    road = road or StraightRoad(lane_count=4)
     draw = np.random.default_rng(seed)
     time = np.arange(samples) * STEP
     speed = draw.uniform(18.0, 28.0, cars)

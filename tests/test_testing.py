@@ -9,9 +9,11 @@ import pytest
 from hj_cosim.control.contract import FilterDecision
 from hj_cosim.planning.contract import Plan
 from hj_cosim.scene.observation import Control, Target
-from hj_cosim.settings import CarStart, FilterSettings, PlannerSettings
+from hj_cosim.settings import CarStart, FilterSettings, PlannerSettings, RobotSettings
 from hj_cosim.testing import ContractError, check_filter, check_planner, check_world
 from hj_cosim.traffic.fake import FakeWorld
+from hj_cosim.traffic.sources.scenarios import load_scenario
+from hj_cosim.traffic.sumo.world import SumoWorld
 
 
 @pytest.mark.parametrize("kind", ["hjop", "op", "idle"])
@@ -26,7 +28,13 @@ def test_our_filters_pass(kind, scheme):
 
 
 def test_our_world_without_sumo_passes():
-    check_world(lambda: FakeWorld([CarStart(lane=0, x=30.0, speed=20.0), CarStart(lane=2, x=-10.0, speed=25.0)]))
+    cars = [CarStart(lane=0, x=30.0, speed=20.0), CarStart(lane=2, x=-10.0, speed=25.0)]
+    check_world(lambda: FakeWorld(cars))
+    check_world(lambda: FakeWorld(cars, late=[(0.3, CarStart(lane=3, x=50.0, speed=20.0))]))
+
+
+def test_our_world_in_sumo_passes():
+    check_world(lambda: SumoWorld(load_scenario("light"), RobotSettings(), seed=0))
 
 
 DRAW = np.random.default_rng(0)
@@ -151,6 +159,25 @@ class WrongWorld(FakeWorld):
         return dataclasses.replace(super().observe(), **self._shown)
 
 
+class Renaming(FakeWorld):
+    """A world in which all cars have one name."""
+
+    def __init__(self):
+        super().__init__([CarStart(lane=lane, x=30.0, speed=20.0) for lane in (0, 3)])
+        self.vehicle_names = ["car", "car"]
+
+
+class Anonymous(FakeWorld):
+    """A world that forgets the drivers of cars that came late."""
+
+    def __init__(self):
+        super().__init__([CarStart(lane=0, x=30.0, speed=20.0)], late=[(0.1, CarStart(lane=3, x=50.0, speed=20.0))])
+
+    @property
+    def drivers(self):
+        return super().drivers[:1]
+
+
 class Reusing(FakeWorld):
     """A world that hands its own arrays out, and moves them."""
 
@@ -170,6 +197,8 @@ class Reusing(FakeWorld):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
+        (Renaming, "two cars have one name at 0.00 s"),
+        (Anonymous, "drivers has 1 rows at 0.10 s, and 2 cars a name"),
         (lambda: WrongWorld(robot=np.zeros(3)), r"robot has the shape \(3,\)"),
         (lambda: WrongWorld(speed=np.zeros(3)), r"speed has the shape \(3,\)"),
         (lambda: WrongWorld(lane=np.zeros(2)), "lane is of float64"),

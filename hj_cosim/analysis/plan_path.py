@@ -25,6 +25,6 @@ def plan_path(record: RunRecord, sample: int, tracking: TrackingSettings) -> np.
     time = np.linspace(0.0, HORIZON, POINTS)
     missing = robot.plan_speed[sample] - robot.speed[sample]
     along = robot.plan_speed[sample] * time - missing * (1.0 - np.exp(-tracking.k_2 * time)) / tracking.k_2
-    centre = record.road.lane_centre(int(robot.plan_lane[sample]))
+    centre = record.road.lane_centre(int(robot.plan_lane[sample]), robot.x[sample])
     aside = centre + (robot.y[sample] - centre) * np.exp(-tracking.k_1 * time)
     return np.column_stack([robot.x[sample] + along, aside])

@@ -82,7 +82,7 @@ class FrameArtist:
         record = run.record
         self._values = car_values(record, table)
         self._pixels_per_metre = WIDTH * OVERSAMPLING / (BEHIND + AHEAD)
-        self._road_height = round((record.road.lane_count * record.road.lane_width + 2.0) * self._pixels_per_metre)
+        self._road_height = round((np.ptp(record.road.lane_lines(0.0)) + 2.0) * self._pixels_per_metre)
         self._strip_top = HEADER * OVERSAMPLING + self._road_height + MARGIN * OVERSAMPLING
         height = self._strip_top + 2 * (STRIP + MARGIN) * OVERSAMPLING + 14 * OVERSAMPLING
         self._size = (WIDTH * OVERSAMPLING, 2 * (height // 2) + height % 2)
@@ -113,7 +113,7 @@ class FrameArtist:
     def _to_pixels(self, points: np.ndarray, sample: int) -> np.ndarray:
         """Return pixels (..., 2) of road coordinates (..., 2), the robot at its fixed place."""
         robot, road = self._run.record.robot, self._run.record.road
-        top = (road.lane_count - 0.5) * road.lane_width + 1.0
+        top = road.lane_lines(robot.x[sample])[-1] + 1.0
         x = (points[..., 0] - robot.x[sample] + BEHIND) * self._pixels_per_metre
         y = (top - points[..., 1]) * self._pixels_per_metre + HEADER * OVERSAMPLING
         return np.stack([x, y], axis=-1)
@@ -135,8 +135,7 @@ class FrameArtist:
         record = self._run.record
         start = record.robot.x[sample] - BEHIND
         dashes = np.arange(np.floor(start / 12.0) * 12.0, start + BEHIND + AHEAD + 12.0, 12.0)  # move with the road
-        for lane in range(1, record.road.lane_count):
-            y = (lane - 0.5) * record.road.lane_width
+        for y in record.road.lane_lines(record.robot.x[sample])[1:-1]:
             ends = np.stack([np.column_stack([dashes, np.full_like(dashes, y)])] * 2, axis=1)
             ends[:, 1, 0] += 4.0
             for dash in self._to_pixels(ends, sample):

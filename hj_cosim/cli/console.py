@@ -85,6 +85,7 @@ def summary_table(summary: Mapping[str, Any], timing: Mapping[str, float]) -> Ta
     table.add_column("what")
     table.add_column("value", justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
+    table.add_row("ended by", escape(str(summary["ended"])), "")
     for metric in shown_in_run():
         value = summary.get(metric.name)
         if metric.name in summary and (value or metric.shown != "where it happened"):

@@ -21,8 +21,8 @@ def tracking_control(
         state: (4,) p_x, p_y (m), θ (rad), v (m/s) of the robot in the road frame.
         target: the lane and speed to follow.
     """
-    _, lateral, heading, speed = state.tolist()
-    off_centre = lateral - road.lane_centre(target.lane)
+    along, lateral, heading, speed = state.tolist()
+    off_centre = lateral - road.lane_centre(target.lane, along)
     limit = math.sin(settings.heading_max)
     towards_lane = settings.k_1 * off_centre
     # |K_1 Δℓ| < v limit, without the division that fails at a standstill.

@@ -58,10 +58,8 @@ def resolve_config(
     data: dict[str, Any] = {"preset": preset, "scenario": {"drivers": DriverSettings().model_dump()}}
     data = overlay(data, PRESETS[preset])
     data = overlay(data, {"scenario": given})
-    # Each layer is checked before the next is laid over it, so that each is named for its own mistakes, the scenario
-    # by itself first, so that its keys are called what they are in its file.
-    validate(Scenario, data["scenario"], source)
-    config = validate(EpisodeConfig, data, source)
+    # Each layer is checked before the next is laid over it, so that each is named for its own mistakes.
+    config = validate(EpisodeConfig, data, source, table="scenario")
     data = overlay(data, {"scenario": {"network": {"file": _network_file(config, folder)}}})
     for source, layer in layers:
         data = overlay(data, layer)

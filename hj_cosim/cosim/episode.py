@@ -17,7 +17,7 @@ from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE, SafetyPreserving
 from hj_cosim.control.tracking import tracking_control
 from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
 from hj_cosim.cosim.recorder import Recorder
-from hj_cosim.errors import SimulationError
+from hj_cosim.errors import DriveEnded, SimulationError
 from hj_cosim.files import file_name
 from hj_cosim.locations import runs_folder
 from hj_cosim.metrics.catalogue import require_declared
@@ -30,7 +30,7 @@ from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
 from hj_cosim.reachability.table.cars import car_values
 from hj_cosim.reachability.table.store import load_table, require_robot
 from hj_cosim.reachability.table.table import ValueTable
-from hj_cosim.recording.record import RunRecord
+from hj_cosim.recording.record import COLLISION, DURATION, RunRecord
 from hj_cosim.recording.run_folder import Keep, require_free_folder, write_run
 from hj_cosim.scene.observation import FARTHEST, Observation, Target, is_possible
 from hj_cosim.settings import EpisodeConfig, Scenario
@@ -86,7 +86,8 @@ def drive(
     At every step the robot observes, looks V of all cars up, plans if it is time to, tracks the plan, filters the
     control, and moves as the bicycle does; the world moves with it. Any world, planner and filter of the contracts will
     do; what they answer is guarded. Where a car's state is NaN or infinite, nothing is planned and the last plan is
-    kept, while the robot brakes in its lane, which is counted.
+    kept, while the robot brakes in its lane, which is counted. Where the world lets the robot go no farther, the drive
+    ends before its time; what was driven is kept, with the reason.
 
     Args:
         world: at the instant that the robot takes over.
@@ -104,15 +105,17 @@ def drive(
     simulation, robot = config.simulation, config.robot
     samples = max(round(simulation.duration / simulation.step), 1)
     samples_per_plan = max(round(simulation.plan_period / simulation.step), 1)
-    recorder = Recorder(samples, world.vehicle_names)
+    recorder = Recorder(samples, len(world.vehicle_names))
     guarded_planner = GuardedPlanner(planner, world.road)
     guarded_filter = GuardedFilter(safety_filter, robot)
     observation = _observe(world)
     values = car_values(table, observation)
     guarded_planner.prepare(observation)
     guarded_filter.prepare(observation, values)
-    target = Target(lane=world.road.lane_at(observation.robot[1]), speed=float(observation.robot[3]))
+    along, lateral, _, speed = observation.robot.tolist()
+    target = Target(lane=world.road.lane_at(lateral, along), speed=speed)
     plan = Plan(IDLE, target)
+    ended = DURATION
     for sample in range(samples):
         if sample % samples_per_plan == 0:
             if is_possible(observation.robot, observation.x, observation.y, observation.heading, observation.speed):
@@ -126,19 +129,24 @@ def drive(
         steering = steering_for(omega, float(observation.robot[3]), robot.wheelbase)
         recorder.record(observation, values, plan, desired, decision, steering)
         if simulation.on_collision == "stop" and _collided(observation, config):
+            ended = COLLISION
             break
         if sample + 1 < samples:
             state = bicycle_step(
                 observation.robot, steering, acceleration, robot.wheelbase, robot.speed_max, simulation.step
             )
-            world.step(state, acceleration)
+            try:
+                world.step(state, acceleration)
+            except DriveEnded as end:
+                ended = end.reason
+                break
             before, observation = observation, _observe(world)
             values = car_values(table, observation)
             if audit is not None:
                 audit.judge(decision, before, observation)
     if progress is not None:
         progress(samples, samples)
-    return Drive(recorder.finish(world.road, robot), guarded_filter.counts)
+    return Drive(recorder.finish(world.road, robot, world.vehicle_names, ended), guarded_filter.counts)
 
 
 def _observe(world: World) -> Observation:

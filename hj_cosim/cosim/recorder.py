@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,15 +14,22 @@ from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import RobotSettings
 
+ROOM_GROWTH = 2  # times as many columns as before, where a car comes that has none
+
 
 class Recorder:
     """The tracks of one episode while it is being driven."""
 
-    def __init__(self, samples: int, vehicle_names: Sequence[str]) -> None:
-        count = len(vehicle_names)
+    def __init__(self, samples: int, vehicles: int) -> None:
+        """Make room.
+
+        Args:
+            samples: that may be taken at most.
+            vehicles: cars that are known at the beginning; more may come.
+        """
         self._taken = 0
         self._time = np.zeros(samples)
-        self._traffic = TrafficTrack.empty(tuple(vehicle_names), np.zeros(count), np.zeros(count), samples)
+        self._traffic = TrafficTrack.empty(("",) * vehicles, np.zeros(vehicles), np.zeros(vehicles), samples)
         self._robot = RobotTrack.empty(samples)
 
     def record(
@@ -48,6 +56,9 @@ class Recorder:
         self._time[sample] = observation.time
 
         cars, traffic = observation.vehicle, self._traffic
+        if len(cars) and cars.max() >= len(traffic.names):
+            room = max(int(cars.max()) + 1, ROOM_GROWTH * len(traffic.names))
+            self._traffic = traffic = traffic.for_cars(("",) * room)
         traffic.length[cars], traffic.width[cars] = observation.length, observation.width
         traffic.present[sample, cars] = True
         traffic.x[sample, cars] = observation.x
@@ -73,13 +84,20 @@ class Recorder:
         robot.intervening[sample] = decision.intervening
         robot.slack[sample] = decision.slack
 
-    def finish(self, road: Road, robot: RobotSettings) -> RunRecord:
-        """Return what was taken, with the threat metrics of every sample."""
-        time, traffic, track = (
-            self._time[: self._taken],
-            self._traffic.first(self._taken),
-            self._robot.first(self._taken),
-        )
+    def finish(self, road: Road, robot: RobotSettings, names: Sequence[str], ended: str) -> RunRecord:
+        """Return what was taken, with the threat metrics of every sample.
+
+        Args:
+            road: the road.
+            robot: its body.
+            names: of all cars that were seen, by number.
+            ended: why the drive was over.
+        """
+        time, track = self._time[: self._taken], self._robot.first(self._taken)
+        traffic = self._traffic.first(self._taken)
+        if len(names) != len(traffic.names):
+            traffic = traffic.for_cars(tuple(names))
+        traffic = replace(traffic, names=tuple(names))
         return RunRecord(
             time=time,
             road=road,
@@ -88,4 +106,5 @@ class Recorder:
             traffic=traffic,
             robot=track,
             threats=threat_track(track, traffic, robot.length, robot.width),
+            ended=ended,
         )

@@ -15,6 +15,7 @@ FACTS = (
     Fact("seed", "of the traffic"),
     Fact("scenario", "the scenario's name"),
     Fact("duration", "recorded time; shorter than asked for if the drive ended early", "s"),
+    Fact("ended", "why the drive was over: duration, collision, or what the world says"),
     Fact("samples", "recorded steps"),
 )
 

@@ -55,9 +55,8 @@ def _beyond_the_edge(record: RunRecord) -> np.ndarray:
     reach = 0.5 * (
         record.robot_length * np.abs(np.sin(robot.heading)) + record.robot_width * np.abs(np.cos(robot.heading))
     )
-    right = -0.5 * road.lane_width
-    left = (road.lane_count - 0.5) * road.lane_width
-    return np.asarray((robot.y - reach < right) | (robot.y + reach > left))
+    lines = np.array([road.lane_lines(along)[[0, -1]] for along in robot.x.tolist()])
+    return np.asarray((robot.y - reach < lines[:, 0]) | (robot.y + reach > lines[:, 1]))
 
 
 # Plain loops, as in metrics: a pair is dismissed by one comparison.

@@ -13,6 +13,7 @@ from hj_cosim.metrics.jerk_and_turning import jerk_and_turning
 from hj_cosim.metrics.threats import SAFE_TTC
 from hj_cosim.plugins import plugin_name
 from hj_cosim.recording.record import RunRecord
+from hj_cosim.scene.road import Road
 from hj_cosim.settings import EpisodeConfig
 
 SETTLED_IN_LANE = 0.25  # of the lane's width: this near its centre line, the robot counts as being in the lane
@@ -40,6 +41,7 @@ def summarize(record: RunRecord, config: EpisodeConfig, counted: Mapping[str, An
         "seed": config.seed,
         "scenario": config.scenario.name,
         "duration": round(len(record.time) * config.simulation.step, 9),
+        "ended": record.ended,
         "samples": len(record.time),
         "ttc_ge_3": float(np.mean(threats.ttc >= SAFE_TTC)),
         "btn_le_1": float(np.mean(threats.btn <= 1.0)),
@@ -50,7 +52,7 @@ def summarize(record: RunRecord, config: EpisodeConfig, counted: Mapping[str, An
         "collisions": count_onsets(threats.collision),
         "min_gap": float(np.min(threats.min_gap)),
         "distance": float(np.sum(np.hypot(np.diff(robot.x), np.diff(robot.y)))),
-        "lane_changes": count_lane_changes(robot.y, record.road.lane_width),
+        "lane_changes": count_lane_changes(robot.x, robot.y, record.road),
         **_percentiles(record),
         **driving_metrics(record, config.filter),
         **jerk_and_turning(record),
@@ -87,16 +89,17 @@ def count_onsets(flag: np.ndarray) -> int:
     return int(flag[0]) + int(np.count_nonzero(flag[1:] & ~flag[:-1]))
 
 
-def count_lane_changes(lateral: np.ndarray, lane_width: float) -> int:
+def count_lane_changes(along: np.ndarray, lateral: np.ndarray, road: Road) -> int:
     """Return how many lane changes a drive completed.
 
     A lane counts as reached a quarter of its width from its centre line, so that wavering at a line counts for
     nothing; two lanes at once are two changes.
 
     Args:
-        lateral: (T,) offset from the centre line of lane 0, m.
-        lane_width: m.
+        along: (T,) arc length along the road, m.
+        lateral: (T,) offset to the left of the centre line of lane 0, m.
+        road: the lanes.
     """
-    lane = np.round(lateral / lane_width)
-    reached = lane[np.abs(lateral - lane * lane_width) <= SETTLED_IN_LANE * lane_width]
+    lane = road.nearest_lanes(lateral, along)
+    reached = lane[np.abs(lateral - road.lane_centres(lane, along)) <= SETTLED_IN_LANE * road.lane_width]
     return int(np.sum(np.abs(np.diff(reached))))

@@ -13,6 +13,9 @@ from hj_cosim.scene.observation import Observation
 from hj_cosim.scene.road import Road
 
 ROBOT_NAME = "robot"
+# Why a drive ended; a world may give other reasons (errors.DriveEnded).
+DURATION = "duration"
+COLLISION = "collision"
 NO_VEHICLE = -1  # in value_vehicle, where no car has a value
 
 
@@ -46,6 +49,18 @@ class TrafficTrack:
         """Return the first `samples` samples, for an episode that ended early."""
         tracks = {field.name: getattr(self, field.name)[:samples] for field in fields(self)[3:]}
         return TrafficTrack(self.names, self.length, self.width, **tracks)
+
+    def for_cars(self, names: tuple[str, ...]) -> "TrafficTrack":
+        """Return a track with room for the cars of `names`: with more columns, or without the last ones.
+
+        Raises:
+            HjCosimError: if it fits neither into memory nor onto the disk (see large_arrays).
+        """
+        count, samples = min(len(names), len(self.names)), len(self.x)
+        other = TrafficTrack.empty(names, np.zeros(len(names)), np.zeros(len(names)), samples)
+        for field in fields(self)[1:]:
+            getattr(other, field.name)[..., :count] = getattr(self, field.name)[..., :count]
+        return other
 
 
 @dataclass(frozen=True)
@@ -110,6 +125,7 @@ class RunRecord:
     traffic: TrafficTrack
     robot: RobotTrack
     threats: ThreatTrack
+    ended: str = DURATION  # why the drive was over
 
     def observation(self, sample: int) -> Observation:
         """Return what the robot saw at a sample; where a lane change leads was not recorded, so it is the lane."""

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from hj_cosim.scene.observation import FARTHEST
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 
 MOST_SAMPLES = 1_000_000  # five and a half hours at 50 Hz
 MOST_CELLS = 100_000_000  # samples times cars: 4 GB as arrays
@@ -85,7 +85,7 @@ def require_finite(columns: Mapping[str, np.ndarray]) -> None:
             raise ValueError(f"column {name} has what is not finite or beyond {FARTHEST:g}")
 
 
-def require_road(road: Road) -> None:
+def require_road(road: StraightRoad) -> None:
     """Check that a road can be drawn."""
     places = np.array([road.length, road.origin_x, road.origin_y, road.heading])
     if not (

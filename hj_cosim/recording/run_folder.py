@@ -7,19 +7,18 @@ compression are fixed, and what depends on the time or the machine is in timing.
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from pydantic import TypeAdapter
 
 from hj_cosim.errors import ConfigurationError, HjCosimError, RunFolderError
 from hj_cosim.files import naming_the_place, remove_abandoned, require_writable, temporary_folder
 from hj_cosim.recording.columns import name_column, numeric_column, text_column
-from hj_cosim.recording.record import NO_VEHICLE, ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
+from hj_cosim.recording.record import DURATION, NO_VEHICLE, ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
 from hj_cosim.recording.run_bounds import (
     open_columns,
     plain_column,
@@ -29,8 +28,9 @@ from hj_cosim.recording.run_bounds import (
     require_room,
     require_times,
 )
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad, road_from_json, road_to_json
 from hj_cosim.settings import EpisodeConfig, read_toml, validate
+from hj_cosim.vehicles.idm import PARAMETER_NAMES
 
 CONFIG = "config.toml"
 TRAJECTORIES = "trajectories.parquet"
@@ -45,14 +45,6 @@ Keep = Literal["all", "robot"]  # everything that a run folder holds, or all but
 
 ROWS_PER_GROUP = 1 << 17  # written and read at a time, so that a long drive of many cars needs little memory
 _TRAFFIC_FLOATS = ("x", "y", "heading", "speed", "acceleration")
-_DRIVER_COLUMNS = (  # in the order of vehicles.idm
-    "desired_speed",
-    "max_acceleration",
-    "comfortable_deceleration",
-    "time_headway",
-    "minimum_gap",
-    "exponent",
-)
 _ROAD_KEY = b"hj_cosim.road"
 LARGEST_SUMMARY = 1_000_000  # bytes
 # What the title of a report and of a figure needs.
@@ -183,7 +175,7 @@ def _trajectory_table(record: RunRecord, start: int, stop: int) -> pa.Table:
     def both(of_robot: np.ndarray, of_cars: np.ndarray) -> np.ndarray:
         return np.asarray(np.column_stack([of_robot[window], of_cars[window]])[present])
 
-    robot_lane = np.clip(np.floor(robot.y / road.lane_width + 0.5), 0, road.lane_count - 1).astype(np.int8)
+    robot_lane = road.nearest_lanes(robot.y, robot.x).astype(np.int8)
     columns = {
         "time": numeric_column(time[sample]),
         "vehicle": name_column(column, (ROBOT_NAME, *traffic.names)),
@@ -192,7 +184,7 @@ def _trajectory_table(record: RunRecord, start: int, stop: int) -> pa.Table:
         "length": numeric_column(np.append(record.robot_length, traffic.length)[column]),
         "width": numeric_column(np.append(record.robot_width, traffic.width)[column]),
     }
-    return pa.table(columns).replace_schema_metadata({_ROAD_KEY: json.dumps(asdict(road)).encode()})
+    return pa.table(columns).replace_schema_metadata({_ROAD_KEY: road_to_json(road).encode()})
 
 
 def robot_table(record: RunRecord) -> pa.Table:
@@ -208,7 +200,7 @@ def robot_table(record: RunRecord) -> pa.Table:
 
 def driver_table(names: Sequence[str], drivers: np.ndarray) -> pa.Table:
     """Return drivers.parquet's table: a row per car, what its driver was drawn with (`drivers` as in write_run)."""
-    columns = {name: numeric_column(drivers[:, number]) for number, name in enumerate(_DRIVER_COLUMNS)}
+    columns = {name: numeric_column(drivers[:, number]) for number, name in enumerate(PARAMETER_NAMES)}
     return pa.table({"vehicle": text_column(names), **columns})
 
 
@@ -240,7 +232,7 @@ def read_run(folder: Path) -> Run:
     try:
         summary = read_summary(folder / SUMMARY)
         with open_columns(folder / TRAJECTORIES) as trajectories, open_columns(folder / ROBOT) as robot:
-            record = _read_record(trajectories, robot)
+            record = replace(_read_record(trajectories, robot), ended=str(summary.get("ended", DURATION)))
     except (OSError, ValueError, KeyError, IndexError) as error:  # pyarrow's and json's errors are among these
         raise RunFolderError(f"{folder} holds no readable run: {error}") from error
     return Run(folder, config, summary, record)
@@ -301,7 +293,7 @@ def read_timing(folder: Path) -> dict[str, float]:
         raise RunFolderError(f"{path} is no timing of a run: {error}") from error
 
 
-def road_of(schema: pa.Schema) -> Road:
+def road_of(schema: pa.Schema) -> StraightRoad:
     """Return the road that trajectories.parquet carries in its metadata.
 
     Raises:
@@ -309,7 +301,7 @@ def road_of(schema: pa.Schema) -> Road:
         ValueError: if that is no road.
     """
     try:
-        road = TypeAdapter(Road).validate_json((schema.metadata or {})[_ROAD_KEY])
+        road = road_from_json((schema.metadata or {})[_ROAD_KEY])
     except KeyError as error:
         raise KeyError(f"{TRAJECTORIES} does not say what road it is about") from error
     require_road(road)

@@ -57,6 +57,7 @@ class CarValues:
     """V of the J cars of an observation, looked up once a step for all who want it."""
 
     value: np.ndarray  # (J,) m; +inf for a car that is not within the table
+    gradient: np.ndarray  # (J, 5) ∂V/∂(p_x, p_y, θ_r, v_r, v_o); 0 for a car that is not within the table
     least: float  # m, the least of them; +inf without cars, NaN where the observation or the table gives no number
     nearest: int  # the index of the car that has it; NOBODY if none is within the table
 

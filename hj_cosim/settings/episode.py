@@ -51,6 +51,16 @@ class EpisodeConfig(Settings):
             )
         return self
 
+    @model_validator(mode="after")
+    def _robot_can_be_as_fast_as_it_starts(self) -> "EpisodeConfig":
+        start, most = self.scenario.robot.speed, self.robot.speed_max
+        if start > most:
+            raise ValueError(
+                f"scenario.robot.speed ({start:g} m/s) must not exceed robot.speed_max ({most:g} m/s);"
+                " start slower, or raise the robot's limit"
+            )
+        return self
+
     @model_validator(mode="before")
     @classmethod
     def _seed_is_the_scenarios(cls, data: Any) -> Any:

@@ -60,8 +60,14 @@ def parse_toml(text: str) -> dict[str, Any]:
     raise ValueError(too_deep)
 
 
-def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
+def validate(model: type[Model], data: Mapping[str, Any], source: str, table: str = "") -> Model:
     """Return `data` as `model`.
+
+    Args:
+        model: what it should be.
+        data: unchecked.
+        source: where it comes from, for the message.
+        table: the part of the model that the source states; in the message, keys in it are called as they are there.
 
     Raises:
         ConfigurationError: one sentence that names the source, the key, the value and what would be right.
@@ -70,28 +76,23 @@ def validate(model: type[Model], data: Mapping[str, Any], source: str) -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
+        within = first["loc"][:1] == (table,)
+        key = shown(_key_in_toml(first["loc"][1:] if within else first["loc"]) or "the whole")
         if first["type"] == "extra_forbidden":
             known = ", ".join(_fields_at(model, first["loc"][:-1]))
-            key = _as_written(first["loc"], quoted=True)
-            raise ConfigurationError(f"{source}: unknown key {key}; known keys are {known}") from error
-        key = _as_written(first["loc"])
+            raise ConfigurationError(f"{source}: unknown key {key!r}; known keys are {known}") from error
         reason = first["msg"].removeprefix("Value error, ")
         given = "" if first["type"] in ("missing", "value_error") else f" = {shown(repr(first['input']))}"
         raise ConfigurationError(f"{source}: {key}{given}: {reason[:1].lower()}{reason[1:]}") from error
 
 
-def _as_written(location: tuple[int | str, ...], *, quoted: bool = False) -> str:
-    """Return a place within a model as TOML has it: `planner.gamma_r`, or `x in [[cars]] number 2`."""
-    if not location:
-        return "the whole"
-    numbers = [place for place, part in enumerate(location) if isinstance(part, int)]
-    split = numbers[-1] if numbers else -1
-    key = shown(".".join(map(str, location[split + 1 :])))
-    key = f"{key!r}" if quoted else key
-    if not numbers:
-        return key
-    holder, number = shown(".".join(map(str, location[:split]))), int(location[split]) + 1
-    return f"{key} in [[{holder}]] number {number}" if split + 1 < len(location) else f"entry {number} of {holder}"
+def _key_in_toml(location: tuple[int | str, ...]) -> str:
+    """Return a place within a model as one finds it in TOML: `traffic.count`, or `[[cars]] entry 1, lane`."""
+    for depth, part in enumerate(location):
+        if isinstance(part, int):
+            array, rest = ".".join(map(str, location[:depth])), _key_in_toml(location[depth + 1 :])
+            return f"[[{array}]] entry {part + 1}, {rest}" if rest else f"{array}, entry {part + 1}"
+    return ".".join(map(str, location))
 
 
 def shown(text: str) -> str:

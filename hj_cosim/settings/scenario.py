@@ -66,7 +66,10 @@ class DriverSettings(Settings):
 class NetworkSettings(Settings):
     """Which straight edge of which SUMO network is driven on."""
 
-    file: str = Field("four_lanes.net.xml", description="beside the scenario, in sumo_net/, or an absolute path")
+    file: str = Field(
+        "four_lanes.net.xml",
+        description="a .net.xml or .net.xml.gz beside the scenario, in sumo_net/, or an absolute path",
+    )
     edge: str = Field("highway", description="the edge's id in the network")
 
 

@@ -44,7 +44,7 @@ def _plans(planner: Planner, prepared: bool) -> list[Plan]:
     guarded = GuardedPlanner(planner, ROAD)
     plans: list[Plan] = []
     for number, scene in enumerate(scenes()):
-        target = Target(ROAD.lane_at(float(scene.robot[1])), float(scene.robot[3]))
+        target = Target(ROAD.lane_at(float(scene.robot[1]), float(scene.robot[0])), float(scene.robot[3]))
         plans.append(_plan(guarded, scene, target, prepared and number == 0))
     return plans
 

@@ -9,10 +9,10 @@ from hj_cosim.reachability.games.catalogue import find_game
 from hj_cosim.reachability.solver.solver import SolveReport
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import Road, StraightRoad
 from hj_cosim.settings import GridSettings, RobotSettings, TableSpecification
 
-ROAD = Road(lane_count=4)
+ROAD = StraightRoad(lane_count=4)
 SCENES = 40
 # A robot and the cars of each scene: none, a few, a road full of them.
 CROWDS = (0, 1, 5, 30)
@@ -52,11 +52,11 @@ def scenes(road: Road = ROAD, seed: int = 0) -> Iterator[Observation]:
         robot_lane = int(draw.integers(0, road.lane_count))
         yield Observation(
             time=0.02 * index,
-            robot=np.array([500.0, road.lane_centre(robot_lane) + 0.3, draw.uniform(-0.1, 0.1), speed]),
+            robot=np.array([500.0, road.lane_centre(robot_lane, 500.0) + 0.3, draw.uniform(-0.1, 0.1), speed]),
             robot_acceleration=0.0,
             vehicle=np.arange(count),
             x=draw.uniform(400.0, 620.0, count),
-            y=np.array([road.lane_centre(int(each)) for each in lane], float),
+            y=road.lane_centres(lane, np.full(count, 500.0)),
             heading=draw.uniform(-0.05, 0.05, count),
             speed=draw.uniform(0.0, 30.0, count),
             acceleration=draw.uniform(-2.0, 2.0, count),

@@ -72,5 +72,10 @@ def _check_observation(seen: Observation, world: World) -> None:
     require(len(set(seen.vehicle.tolist())) == count, f"two cars have one number {at}")
     named = count == 0 or (seen.vehicle.min() >= 0 and seen.vehicle.max() < len(world.vehicle_names))
     require(bool(named), f"a car's number {at} has no name in vehicle_names")
+    require(len(set(world.vehicle_names)) == len(world.vehicle_names), f"two cars have one name {at}")
+    rows = len(world.drivers)
+    require(
+        rows == len(world.vehicle_names), f"drivers has {rows} rows {at}, and {len(world.vehicle_names)} cars a name"
+    )
     bodies = bool((seen.length > 0.0).all() and (seen.width > 0.0).all())
     require(bodies, f"a car has no length or no width {at}")

@@ -1,9 +1,22 @@
 """MOBIL for the background drivers: whose turn it is, and which lane each of them wants."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from hj_cosim.vehicles.mobil import lane_decisions
+
+
+class DrivingCars(NamedTuple):
+    """What MOBIL sees of J cars, in any order."""
+
+    position: np.ndarray  # (J,) m, centres along the road
+    speed: np.ndarray  # (J,) m/s
+    lane: np.ndarray  # (J,) int
+    second_lane: np.ndarray  # (J,) int, the other lane that it is in while it changes, else its lane again
+    length: np.ndarray  # (J,) m
+    drivers: np.ndarray  # (J, 6) IDM parameters, in the order of vehicles.idm
 
 
 @njit(cache=True)
@@ -23,35 +36,29 @@ def sort_nearly_sorted(order: np.ndarray, position: np.ndarray) -> None:
 
 @njit(cache=True)
 def wanted_lanes(
-    order: np.ndarray,
-    deciding: np.ndarray,
-    position: np.ndarray,
-    speed: np.ndarray,
-    lane: np.ndarray,
-    second_lane: np.ndarray,
-    length: np.ndarray,
-    drivers: np.ndarray,
-    mobil: np.ndarray,
-    lane_count: int,
+    order: np.ndarray, deciding: np.ndarray, cars: DrivingCars, mobil: np.ndarray, lane_count: int
 ) -> np.ndarray:
     """Return the lane that each car wants, (J,) int; the cars may be in any order.
 
     Args:
         order: (J,) int, the order of positions a step ago; brought up to date.
-        deciding, position, speed, lane, second_lane, length, drivers, mobil, lane_count: as lane_decisions.
+        deciding: (J,) bool, the cars whose turn it is.
+        cars: all of them.
+        mobil: (3,) politeness, gain threshold, safe braking.
+        lane_count: lanes of the road.
     """
-    sort_nearly_sorted(order, position)
+    sort_nearly_sorted(order, cars.position)
     wanted = lane_decisions(
         deciding[order],
-        position[order],
-        speed[order],
-        lane[order],
-        second_lane[order],
-        length[order],
-        drivers[order],
+        cars.position[order],
+        cars.speed[order],
+        cars.lane[order],
+        cars.second_lane[order],
+        cars.length[order],
+        cars.drivers[order],
         mobil,
         lane_count,
     )
-    result = np.empty_like(lane)
+    result = np.empty_like(cars.lane)
     result[order] = wanted
     return result

@@ -1,6 +1,9 @@
 """Reading the road frame from a SUMO network: any straight edge of two or more equally wide lanes."""
 
+import gzip
 import math
+import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from xml.parsers import expat
@@ -8,7 +11,7 @@ from xml.parsers import expat
 import numpy as np
 
 from hj_cosim.errors import NetworkError
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 
 # What counts as straight, parallel and equally wide (m), and as parallel (rad): above the centimetres that nets are
 # rounded to, below what a planner or a table would notice.
@@ -17,7 +20,8 @@ LENGTH_TOLERANCE = 0.1
 DEFAULT_LANE_WIDTH = 3.2  # m, SUMO's, for lanes that state none
 NARROWEST_LANE = 2.5  # m
 CAR_CLASS = "passenger"
-LARGEST_NETWORK = 100_000_000  # bytes, a large city's
+LARGEST_NETWORK = 100_000_000  # bytes once unpacked, a large city's
+READ_AT_ONCE = 1 << 20  # bytes
 DEEPEST_NETWORK = 50  # elements within each other; SUMO writes four
 
 
@@ -31,11 +35,12 @@ class _Lane:
     admits_cars: bool
 
 
-def read_road(path: Path, edge: str) -> Road:
+def read_road(path: Path, edge: str) -> StraightRoad:
     """Return the road that `edge` of the SUMO network at `path` is.
 
-    The file is read as a stream, and refused before anything in it is expanded if it has a DOCTYPE, includes other
-    files (SUMO would read them), or is larger or deeper than LARGEST_NETWORK, DEEPEST_NETWORK.
+    The file, packed (.net.xml.gz) or not, is read as a stream, and refused before anything in it is expanded if it has
+    a DOCTYPE, includes other files (SUMO would read them), or is larger or deeper than LARGEST_NETWORK and
+    DEEPEST_NETWORK.
 
     Raises:
         NetworkError: if the file is missing or malformed, or the edge is not a straight one of two or more
@@ -89,10 +94,11 @@ def _read_lanes(path: Path, edge: str) -> tuple[list[_Lane], set[str]]:
     parser.EndElementHandler = end
     parser.StartDoctypeDeclHandler = refuse_doctype
     try:
-        if path.stat().st_size > LARGEST_NETWORK:
-            raise NetworkError(f"{path} is too large; {LARGEST_NETWORK // 10**6} MB of network is the most")
-        with path.open("rb") as file:
-            parser.ParseFile(file)
+        for piece in _pieces(path):
+            parser.Parse(piece)
+        parser.Parse(b"", True)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise NetworkError(f"{path} is not a SUMO network: it cannot be unpacked ({error})") from error
     except OSError as error:
         raise NetworkError(
             f"cannot read the network {path}: {error.strerror}; set network.file to a .net.xml"
@@ -107,6 +113,17 @@ def _read_lanes(path: Path, edge: str) -> tuple[list[_Lane], set[str]]:
     if not states_version:  # SUMO crashes on such a file
         raise NetworkError(f'{path}: its <net> states no version; write <net version="1.20">')
     return [lanes[index] for index in sorted(lanes)], edges
+
+
+def _pieces(path: Path) -> Iterator[bytes]:
+    """Yield the content of a network piece by piece, unpacked, no more than LARGEST_NETWORK in all."""
+    size = 0
+    with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+        while piece := file.read(READ_AT_ONCE):
+            size += len(piece)
+            if size > LARGEST_NETWORK:
+                raise NetworkError(f"{path} is too large; {LARGEST_NETWORK // 10**6} MB of network is the most")
+            yield piece
 
 
 def _lane_of(attributes: dict[str, str]) -> _Lane:
@@ -124,7 +141,7 @@ def _lane_of(attributes: dict[str, str]) -> _Lane:
     return _Lane(width, length, shape, admits)
 
 
-def _road_of(lanes: list[_Lane], where: str) -> Road:
+def _road_of(lanes: list[_Lane], where: str) -> StraightRoad:
     """Return the road that these lanes are, or say what keeps them from being one."""
     first = lanes[0]
     origin = first.shape[0, :2]
@@ -155,4 +172,4 @@ def _road_of(lanes: list[_Lane], where: str) -> Road:
             raise NetworkError(
                 f"{name} states a length of {lane.length:.2f} m, but its shape is {length:.2f} m long; make them agree"
             )
-    return Road(len(lanes), first.width, length, float(origin[0]), float(origin[1]), heading)
+    return StraightRoad(len(lanes), first.width, length, float(origin[0]), float(origin[1]), heading)

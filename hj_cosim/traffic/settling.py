@@ -7,21 +7,7 @@ import numpy as np
 from hj_cosim.scene.observation import Observation
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import DriverSettings
-from hj_cosim.vehicles.idm import DESIRED_SPEED, idm_acceleration
-
-
-def mean_driver(settings: DriverSettings) -> np.ndarray:
-    """Return the mean IDM parameters, (6,) in the order of vehicles.idm."""
-    return np.array(
-        [
-            settings.desired_speed.mean,
-            settings.max_acceleration.mean,
-            settings.comfortable_deceleration.mean,
-            settings.time_headway.mean,
-            settings.minimum_gap.mean,
-            settings.exponent,
-        ]
-    )
+from hj_cosim.vehicles.idm import DESIRED_SPEED, idm_acceleration, mean_driver
 
 
 def robot_driver(settings: DriverSettings, desired_speed: float) -> np.ndarray:
@@ -47,7 +33,7 @@ def follow_lane(
         (4,) the next state, on the lane's centre line and along it, and the acceleration, m/s².
     """
     x, y, _, speed = observation.robot
-    lane = road.lane_at(y)
+    lane = road.lane_at(y, x)
     distance = observation.x - x
     ahead = np.flatnonzero(((observation.lane == lane) | (observation.target_lane == lane)) & (distance > 0.0))
     if len(ahead):
@@ -57,5 +43,6 @@ def follow_lane(
     else:
         acceleration = idm_acceleration(speed, math.inf, 0.0, driver)
     next_speed = max(speed + acceleration * step, 0.0)
-    state = np.array([x + next_speed * step, road.lane_centre(lane), 0.0, next_speed])
+    next_x = x + next_speed * step
+    state = np.array([next_x, road.lane_centre(lane, next_x), 0.0, next_speed])
     return state, (next_speed - speed) / step

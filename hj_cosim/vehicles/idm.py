@@ -5,6 +5,8 @@ import math
 import numpy as np
 from numba import njit
 
+from hj_cosim.settings import DriverSettings, NormalDistribution
+
 # Columns of a driver's parameters, an array (J, 6) or (6,), in this order everywhere.
 DESIRED_SPEED = 0  # m/s
 MAX_ACCELERATION = 1  # m/s²
@@ -73,3 +75,15 @@ def equilibrium_speed(gap: float, driver: np.ndarray) -> float:
         else:
             high = middle
     return low
+
+
+def parameter_settings(settings: DriverSettings) -> tuple[NormalDistribution | float, ...]:
+    """Return what the six parameters are drawn from, in this module's order; a number is the same for everybody."""
+    return tuple(getattr(settings, name) for name in PARAMETER_NAMES)
+
+
+def mean_driver(settings: DriverSettings) -> np.ndarray:
+    """Return the mean parameters, (6,) in this module's order: all that a planner knows of the other drivers."""
+    return np.array(
+        [each.mean if isinstance(each, NormalDistribution) else each for each in parameter_settings(settings)]
+    )

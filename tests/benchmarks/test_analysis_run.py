@@ -20,7 +20,7 @@ from hj_cosim.metrics.threats import threat_track
 from hj_cosim.reachability.table.store import load_table
 from hj_cosim.recording.record import RobotTrack, RunRecord, ThreatTrack, TrafficTrack
 from hj_cosim.recording.run_folder import read_run, write_run
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import EpisodeConfig, Scenario
 
 CONFIG = EpisodeConfig(scenario=Scenario(name="benchmark"))
@@ -53,7 +53,7 @@ def crowded_record(samples: int, cars: int) -> RunRecord:
     robot.plan_lane[:], robot.plan_speed[:] = 1, 25.0
     nothing = np.zeros(samples)
     threats = ThreatTrack(nothing, nothing, nothing, nothing, np.zeros(samples, bool), nothing)
-    return RunRecord(time_axis, Road(4), 5.0, 2.0, traffic, robot, threats)
+    return RunRecord(time_axis, StraightRoad(4), 5.0, 2.0, traffic, robot, threats)
 
 
 @pytest.fixture(scope="module")

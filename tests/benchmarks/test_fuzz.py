@@ -16,7 +16,7 @@ from hj_cosim.control.tracking import tracking_control
 from hj_cosim.reachability.table.store import load_table
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Control, Target
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import FilterSettings, RobotSettings, TrackingSettings
 from hj_cosim.vehicles.bicycle import SLOWEST_FULL_TURN, bicycle_step, steering_for
 
@@ -87,7 +87,7 @@ def test_every_value_is_finite_within_the_grid_and_unknown_where_the_state_is(ta
 
 def test_every_state_of_the_bicycle_is_finite_and_turns_no_faster_than_it_may() -> None:
     draw = np.random.default_rng(11)
-    road, gains = Road(lane_count=4), TrackingSettings()
+    road, gains = StraightRoad(lane_count=4), TrackingSettings()
     fastest_turn, fastest_change = 0.0, 0.0
     for _ in range(BICYCLE_DRAWS):
         heading = draw.choice(HEADINGS) if draw.random() < 0.5 else draw.uniform(-7.0, 7.0)

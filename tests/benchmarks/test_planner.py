@@ -16,7 +16,7 @@ from hj_cosim.planning.optimistic.planner import OptimisticPlanner
 from hj_cosim.reachability.table.store import load_table
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation, Target
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 from hj_cosim.traffic.sources.scenarios import load_scenario
 from hj_cosim.traffic.sumo.world import SumoWorld
@@ -62,7 +62,7 @@ def scene(seed: int, cars: int, reach: float, spacing: float = 14.0) -> Observat
 
 
 def planner_for(table: ValueTable, **settings) -> OptimisticPlanner:
-    return make_planner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), Road(4), table)
+    return make_planner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), StraightRoad(4), table)
 
 
 @pytest.mark.parametrize(("cars", "reach"), [(11, 110.0), (100, 500.0)])
@@ -175,7 +175,7 @@ def prediction_errors(name: str, seed: int, seconds: int = 15) -> Iterator[tuple
             now = world.observe()
             if step % 50 == 0:
                 seen.append((now.vehicle.copy(), now.x.copy()))
-                target = Target(world.road.lane_at(now.robot[1]), float(now.robot[3]))
+                target = Target(world.road.lane_at(now.robot[1], now.robot[0]), float(now.robot[3]))
                 predicted[step // 50] = planner.predict(now, target, [0, 0, 0])
             x, y, _, speed = now.robot
             world.step(np.array([x + 0.02 * speed, y, 0.0, speed]), 0.0)

@@ -12,7 +12,8 @@ from hj_cosim.scene.observation import Observation
 from hj_cosim.settings import RobotSettings
 from hj_cosim.traffic.settling import follow_lane, robot_driver
 from hj_cosim.traffic.sources.scenarios import load_scenario, scenario_names
-from hj_cosim.traffic.sumo.world import ROBOT, SumoWorld
+from hj_cosim.traffic.sumo.puppet import ROBOT
+from hj_cosim.traffic.sumo.world import SumoWorld
 
 STEP = 0.02
 SETTLING = 3.0  # s

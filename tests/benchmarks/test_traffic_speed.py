@@ -14,7 +14,8 @@ from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import drive
 from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.settings import NetworkSettings, RobotSettings, Scenario, TrafficSettings
-from hj_cosim.traffic.sumo.world import ROBOT, SumoWorld
+from hj_cosim.traffic.sumo.puppet import ROBOT
+from hj_cosim.traffic.sumo.world import SumoWorld
 
 matplotlib.use("Agg")
 

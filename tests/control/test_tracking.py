@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 
 from hj_cosim.control.tracking import tracking_control
 from hj_cosim.scene.observation import Target
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import RobotSettings, TrackingSettings
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 
-ROAD, ROBOT, GAINS = Road(lane_count=4), RobotSettings(), TrackingSettings()
+ROAD, ROBOT, GAINS = StraightRoad(lane_count=4), RobotSettings(), TrackingSettings()
 
 
 def control(state, lane=1, speed=24.0):

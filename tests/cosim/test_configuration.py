@@ -95,13 +95,3 @@ def test_scenario_object_is_taken_like_its_file(scenario_with_fast_drivers):
 def test_what_is_no_scenario_is_refused_by_its_type_not_its_content():
     with pytest.raises(ConfigurationError, match=r"a path to a TOML file or a Scenario, not a dict$"):
         resolve_config({"name": "paper"})
-
-
-def test_keys_of_a_scenario_are_named_as_its_file_has_them(tmp_path):
-    path = tmp_path / "mine.toml"
-    path.write_text("[[cars]]\nlane = 1\nx = 50.0\nspeed = 20.0\n[[cars]]\nlane = 1\nx = 90.0\nsped = 20.0\n")
-    with pytest.raises(ConfigurationError, match=r"mine\.toml: speed in \[\[cars\]\] number 2: field required"):
-        resolve_config(str(path))
-    path.write_text("[traffic]\ncount = -1\n")
-    with pytest.raises(ConfigurationError, match=r"mine\.toml: traffic\.count = -1"):
-        resolve_config(str(path))

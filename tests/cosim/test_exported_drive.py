@@ -16,7 +16,8 @@ from hj_cosim.locations import scenarios_folder
 from hj_cosim.planning.contract import LEFT, Plan
 from hj_cosim.recording.run_folder import write_run
 from hj_cosim.scene.observation import Observation, Target
-from hj_cosim.traffic.sumo.world import GHOST, SumoWorld
+from hj_cosim.traffic.sumo.puppet import GHOST
+from hj_cosim.traffic.sumo.world import SumoWorld
 
 SAMPLES = 120
 

@@ -6,7 +6,7 @@ import pytest
 from hj_cosim.metrics.collisions import collision_metrics, find_collisions
 from hj_cosim.metrics.threats import threat_track
 from hj_cosim.recording.record import RobotTrack, RunRecord, TrafficTrack
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import RssParameters
 
 RSS = RssParameters()
@@ -25,7 +25,7 @@ def staged(car, robot=(0.0, 4.0, 20.0, 0.0), seconds=6.0) -> RunRecord:
         track.y[:] = (y + across * time).reshape(count, *[1] * (len(shape) - 1))
         track.speed[:] = np.hypot(along, across)
         track.heading[:] = np.arctan2(across, along)
-    return RunRecord(time, Road(4), 5.0, 2.0, traffic, own, threat_track(own, traffic, 5.0, 2.0))
+    return RunRecord(time, StraightRoad(4), 5.0, 2.0, traffic, own, threat_track(own, traffic, 5.0, 2.0))
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from hj_cosim.metrics.driving import driving_metrics
 from hj_cosim.metrics.jerk_and_turning import jerk_and_turning
 from hj_cosim.metrics.threats import threat_track
 from hj_cosim.recording.record import RobotTrack, RunRecord, TrafficTrack
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import FilterSettings, RssParameters
 
 FILTER = FilterSettings(rss=RssParameters())
@@ -24,7 +24,7 @@ def steady_run(cars: list[tuple[float, float, float]], speed: float = 20.0, samp
     traffic.present[:] = True
     traffic.x[:], traffic.y[:], traffic.speed[:] = (np.array([car[k] for car in cars]) for k in range(3))
     time = 0.02 * np.arange(samples)
-    return RunRecord(time, Road(4), 5.0, 2.0, traffic, robot, threat_track(robot, traffic, 5.0, 2.0))
+    return RunRecord(time, StraightRoad(4), 5.0, 2.0, traffic, robot, threat_track(robot, traffic, 5.0, 2.0))
 
 
 def test_headway_and_drac_are_to_the_leader_in_the_robot_s_way():

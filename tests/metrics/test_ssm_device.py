@@ -11,7 +11,7 @@ from hj_cosim.locations import scenarios_folder
 from hj_cosim.metrics.driving import driving_metrics
 from hj_cosim.metrics.threats import threat_track
 from hj_cosim.recording.record import RobotTrack, RunRecord, TrafficTrack
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import FilterSettings
 
 STEP, SAMPLES = 0.02, 500
@@ -57,7 +57,7 @@ def drive(tmp_path_factory) -> tuple[RunRecord, Path]:
             track.acceleration[place] = libsumo.vehicle.getAcceleration(name)
         traffic.present[sample, 0] = True
     libsumo.close()
-    return RunRecord(time, Road(2), 5.0, 2.0, traffic, robot, threat_track(robot, traffic, 5.0, 2.0)), ssm
+    return RunRecord(time, StraightRoad(2), 5.0, 2.0, traffic, robot, threat_track(robot, traffic, 5.0, 2.0)), ssm
 
 
 def device_series(ssm: Path, measure: str) -> tuple[np.ndarray, np.ndarray]:

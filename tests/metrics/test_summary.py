@@ -7,6 +7,7 @@ import pytest
 from hj_cosim.errors import MetricError
 from hj_cosim.metrics.summary import count_lane_changes, count_onsets, summarize, timing
 from hj_cosim.recording.run_folder import summary_text
+from hj_cosim.scene.road import StraightRoad
 
 KEYS = [
     "planner",
@@ -15,6 +16,7 @@ KEYS = [
     "seed",
     "scenario",
     "duration",
+    "ended",
     "samples",
     "ttc_ge_3",
     "ttc_p10",
@@ -67,9 +69,9 @@ def test_wavering_at_a_line_is_no_lane_change_but_arriving_is():
     wavering = 2.0 + 0.5 * np.sin(np.linspace(0, 50, 500))
     crossing = np.linspace(0.0, 8.0, 200)
     there_and_back = np.concatenate([np.linspace(0.0, 2.5, 50), np.linspace(2.5, 0.0, 50)])
-    assert count_lane_changes(wavering, 4.0) == 0
-    assert count_lane_changes(crossing, 4.0) == 2
-    assert count_lane_changes(there_and_back, 4.0) == 0
+    assert count_lane_changes(np.zeros(len(wavering)), wavering, StraightRoad(4)) == 0
+    assert count_lane_changes(np.zeros(len(crossing)), crossing, StraightRoad(4)) == 2
+    assert count_lane_changes(np.zeros(len(there_and_back)), there_and_back, StraightRoad(4)) == 0
 
 
 def test_what_depends_on_the_machine_is_no_part_of_the_summary(record, config):

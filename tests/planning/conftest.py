@@ -11,7 +11,7 @@ import pytest
 from hj_cosim.planning.contract import LEFT, RIGHT
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation, Target
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import Road, StraightRoad
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 from hj_cosim.vehicles.idm import idm_acceleration
 from hj_cosim.vehicles.mobil import lane_change_incentive, mobil_parameters
@@ -21,7 +21,7 @@ def observed(
     cars: Sequence[tuple[int, float, float]], lane: int = 1, speed: float = 24.0, road: Road | None = None
 ) -> Observation:
     """Return a robot in the middle of its lane at 1000 m, among cars given as (lane, m ahead of it, m/s)."""
-    width = (road or Road(4)).lane_width
+    width = (road or StraightRoad(4)).lane_width
     rows = np.array(cars, float).reshape(-1, 3)
     lanes = rows[:, 0].astype(np.int64)
     count = len(rows)

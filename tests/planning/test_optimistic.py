@@ -8,7 +8,7 @@ from hj_cosim.planning.contract import IDLE, LEFT, RIGHT, Plan, Planner
 from hj_cosim.planning.idle import IdlePlanner
 from hj_cosim.planning.optimistic.planner import OptimisticPlanner, OptimisticPlannerWithoutValue, occupied_lanes
 from hj_cosim.scene.observation import Target
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 from hj_cosim.traffic.fake import FakeWorld
 from hj_cosim.traffic.sources.scenarios import load_scenario
@@ -17,7 +17,7 @@ PAPER = {"expansions": 40, "value_clip": 5.0}
 
 
 def make(table, road=None, **settings):
-    return make_planner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), road or Road(4), table)
+    return make_planner(PlannerSettings(**settings), RobotSettings(), DriverSettings(), road or StraightRoad(4), table)
 
 
 def worst_value(table, path, second, clip=np.inf):
@@ -62,7 +62,7 @@ def test_op_lets_itself_be_boxed_in_and_hjop_does_not(small_table, settings):
 def test_where_the_planners_choose_differently_hjop_is_safer_two_seconds_later(small_table, draw_scene):
     settings = {kind: PlannerSettings(kind=kind, expansions=100) for kind in ("op", "hjop")}
     planners = {
-        kind: make_planner(each, RobotSettings(), DriverSettings(), Road(4), small_table)
+        kind: make_planner(each, RobotSettings(), DriverSettings(), StraightRoad(4), small_table)
         for kind, each in settings.items()
     }
     differing, safer, seed = 0, 0, 0
@@ -149,7 +149,7 @@ def test_a_changing_car_is_in_both_lanes_until_its_body_has_left_the_first(obser
     scene.y[:] = [4.0, 5.0, 6.5, 7.2]
     scene.lane[:] = [1, 1, 2, 2]
     target = np.full(4, 2)
-    lane, second_lane = occupied_lanes(replace(scene, target_lane=target), np.arange(4), Road(4))
+    lane, second_lane = occupied_lanes(replace(scene, target_lane=target), np.arange(4), StraightRoad(4))
     assert lane.tolist() == [2, 2, 2, 2]
     assert second_lane.tolist() == [1, 1, 1, 2]
 
@@ -161,7 +161,7 @@ def test_a_robot_beside_the_road_is_planned_for_all_the_same(small_table, observ
 
 
 def test_make_planner_makes_what_the_settings_name(small_table, observe):
-    arguments = (RobotSettings(), DriverSettings(), Road(4), small_table)
+    arguments = (RobotSettings(), DriverSettings(), StraightRoad(4), small_table)
     idle = make_planner(PlannerSettings(kind="idle"), *arguments)
     assert isinstance(idle, IdlePlanner)
     assert idle.plan(observe([]), Target(2, 21.0)) == Plan(IDLE, Target(2, 21.0))

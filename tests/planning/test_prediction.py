@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.optimistic.prediction import approach, instants_within
 from hj_cosim.scene.observation import Target
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 
 
@@ -17,13 +17,13 @@ def test_the_predicted_path_is_what_moving_all_cars_step_by_step_gives(
     small_table, draw_scene, reference, scene_seeds, kind
 ):
     planner_settings = PlannerSettings(kind=kind, expansions=60)
-    planner = make_planner(planner_settings, RobotSettings(), DriverSettings(), Road(4), small_table)
+    planner = make_planner(planner_settings, RobotSettings(), DriverSettings(), StraightRoad(4), small_table)
     for seed, cars in scene_seeds:
         scene = draw_scene(seed, cars)
         target = Target(round(scene.robot[1] / 4.0), float(scene.robot[3]))
         statistics = planner.plan(scene, target).statistics
         path = statistics.trajectory
-        model = reference(planner_settings, DriverSettings(), Road(4), small_table)
+        model = reference(planner_settings, DriverSettings(), StraightRoad(4), small_table)
         state, value = model.start(scene, target), 0.0
         order = np.argsort(scene.x, kind="stable")
         for second, action in enumerate(path.action):
@@ -44,7 +44,7 @@ def test_a_car_behind_brakes_for_a_robot_that_cuts_in_and_one_behind_that_one_fo
         PlannerSettings(kind="op", expansions=1, lane_weight=0.0, action_time=2.0),
         RobotSettings(),
         DriverSettings(),
-        Road(3),
+        StraightRoad(3),
         small_table,
     )
     cuts_in = planner.plan(scene, Target(2, 24.0)).statistics.trajectory
@@ -86,14 +86,14 @@ def test_a_crash_between_two_seconds_is_found(small_table, observe):
     # The robot passes right through the slow car: 14 m ahead at first, 6 m behind a second later.
     scene = observe([(0, 14.0, 0.0)], lane=0, speed=20.0)
     planner = make_planner(
-        PlannerSettings(kind="op", expansions=100), RobotSettings(), DriverSettings(), Road(1), small_table
+        PlannerSettings(kind="op", expansions=100), RobotSettings(), DriverSettings(), StraightRoad(1), small_table
     )
     assert planner.plan(scene, Target(0, 20.0)).statistics.depth == 1
 
 
 def test_the_planned_speed_is_approached_as_the_tracking_controller_does(small_table, observe):
     planner = make_planner(
-        PlannerSettings(kind="op", expansions=1, speed_high=100.0), RobotSettings(), DriverSettings(), Road(1),
+        PlannerSettings(kind="op", expansions=1, speed_high=100.0), RobotSettings(), DriverSettings(), StraightRoad(1),
         small_table,
     )  # fmt: skip
     path = planner.plan(observe([], lane=0), Target(0, 27.0)).statistics.trajectory

@@ -34,7 +34,7 @@ def errors(small_table):
                         _, here, there = np.intersect1d(path.vehicle, seen.vehicle, return_indices=True)
                         wrong = path.x[ahead, here] - seen.x[there], path.speed[ahead, here] - seen.speed[there]
                         collected[ahead].append(np.column_stack(wrong))
-                target = Target(world.road.lane_at(seen.robot[1]), float(seen.robot[3]))
+                target = Target(world.road.lane_at(seen.robot[1], seen.robot[0]), float(seen.robot[3]))
                 predictions.append(planner.predict(seen, target, [IDLE] * 3))
             x, y, _, speed = seen.robot
             world.step(np.array([x + speed * STEP, y, 0.0, speed]), 0.0)

@@ -3,10 +3,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hj_cosim.planning.optimistic.reward import driving_reward, reward_model, total_reward
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import PlannerSettings
 
-ROAD = Road(4)
+ROAD = StraightRoad(4)
 
 
 @pytest.mark.parametrize(
@@ -67,5 +67,5 @@ def test_op_is_hjop_with_all_weight_on_the_driving_reward():
 
 
 def test_a_road_of_one_lane_rewards_no_lane():
-    weights = reward_model(PlannerSettings(gamma_r=1.0, speed_floor=15.0), Road(1))
+    weights = reward_model(PlannerSettings(gamma_r=1.0, speed_floor=15.0), StraightRoad(1))
     assert total_reward(30.0, 0, False, 0.0, weights) == pytest.approx(1.0)

@@ -13,10 +13,10 @@ from hj_cosim.planning.optimistic.tree_search import (
     push_leaf,
 )
 from hj_cosim.scene.observation import Target
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 
-ROAD = Road(4)
+ROAD = StraightRoad(4)
 
 
 def make(table, road=ROAD, **settings):
@@ -87,7 +87,7 @@ def test_equal_rewards_are_searched_breadth_first_and_answered_with_idle(small_t
     # All rewards are 1, and with γ = 1/2 all sums are exact: every leaf has the same upper bound.
     # Seven lanes and lane changes within one action let all five actions exist at every node of three levels.
     planner = make(
-        small_table, Road(7), kind="op", expansions=31, discount=0.5, speed_weight=0.0, lane_weight=0.0,
+        small_table, StraightRoad(7), kind="op", expansions=31, discount=0.5, speed_weight=0.0, lane_weight=0.0,
         speed_low=5.0, speed_high=100.0, lane_change_time=0.5,
     )  # fmt: skip
     plan = planner.plan(observe([], lane=3), Target(3, 24.0))

@@ -6,19 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hj_cosim.control.safety_filter import make_filter
 
 from hj_cosim.analysis.figures.value_slice import value_slice as draw_slice
+from hj_cosim.control.catalogue import make_filter
 from hj_cosim.errors import ConfigurationError, TableError
-from hj_cosim.planning.optimistic.planner import make_planner
+from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.reachability.games.catalogue import find_game, registered_games
 from hj_cosim.reachability.games.highway.other_car import Disturbance
 from hj_cosim.reachability.games.highway.rows import worst_drift
+from hj_cosim.reachability.table.cars import car_values, rows_of_cars
 from hj_cosim.reachability.table.lookup import values_and_gradients
 from hj_cosim.reachability.table.store import load_table
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Control, Observation, Target
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import DriverSettings, FilterSettings, PlannerSettings, RobotSettings
 
 # Two cars, the robot's slowed by the air and steered by a turn rate that fades with speed, the other one straight on.
@@ -102,13 +103,17 @@ def scene(*cars: tuple[float, float, float]) -> Observation:
 
 
 def test_the_highways_closed_rows_are_those_that_its_flow_gives(sheared_table: ValueTable) -> None:
-    game, limits = sheared_table.game, sheared_table.state_limits()
-    states = sheared_table.draw_states(500, np.random.default_rng(3))
-    states[:20, 4] = 0.0  # who stands does not brake
-    gradients = np.random.default_rng(4).normal(size=states.shape)
-    closed = game.half_planes(sheared_table.parameters, limits)(states, gradients)
-    from_flow = dataclasses.replace(game, closed_half_planes=None).half_planes(sheared_table.parameters, limits)
-    assert closed == pytest.approx(from_flow(states, gradients), rel=1e-4, abs=1e-3)
+    from_flow = dataclasses.replace(sheared_table, game=dataclasses.replace(sheared_table.game, closed_rows=None))
+    generator = np.random.default_rng(3)
+    places = [generator.uniform(low, high, 300) for low, high in ((-150.0, 150.0), (-3.0, 11.0), (0.0, 39.0))]
+    places[2][:20] = 0.0  # who stands does not brake
+    seen = scene(*zip(*places, strict=True))
+    values = car_values(sheared_table, seen)
+    cars, closed = rows_of_cars(sheared_table, seen, values, 5.0)
+    others, rows = rows_of_cars(from_flow, seen, values, 5.0)
+    assert 20 < len(cars) < 300
+    assert cars.tolist() == others.tolist() == np.flatnonzero(values.value <= 5.0).tolist()
+    assert closed == pytest.approx(rows, rel=1e-3, abs=1e-2)
 
 
 @pytest.mark.parametrize("bounds", [(-0.1, 0.1), (-0.02, 0.3), (0.05, 0.2), (-0.4, -0.1)])
@@ -124,9 +129,8 @@ def test_the_worst_heading_is_right_between_any_bounds(monkeypatch, bounds: tupl
 
 def test_rows_of_a_game_of_ones_own_are_the_least_rise_of_v_that_trying_finds(windy: ValueTable) -> None:
     states = windy.draw_states(100, np.random.default_rng(6))
-    values, *coefficients, least = windy.rows(states)
     gradients = windy.gradient(states)
-    assert values == pytest.approx(windy.value(states))
+    *coefficients, least = windy.half_planes(states, gradients)
     for omega, acceleration in itertools.product((-0.3, 0.1), (-6.0, 2.0)):
         control = np.tile([omega, acceleration], (100, 1))
         rises = [
@@ -143,21 +147,21 @@ def test_a_game_of_ones_own_is_looked_up_filtered_and_planned_with(windy: ValueT
     assert windy.game.name == "windy"
     states = windy.draw_states(50, np.random.default_rng(7))
     assert values_and_gradients(windy.arrays, states)[0] == pytest.approx(windy.value(states))
-    robot = RobotSettings()
-    spc = make_filter(FilterSettings(kind="spc", keep_escape=False), robot, windy, 0.02)
+    robot, road = RobotSettings(), StraightRoad(4)
+    spc = make_filter(FilterSettings(kind="spc", keep_escape=False), robot, road, windy, 0.02)
     close = scene((12.0, 4.0, 15.0))
-    result = spc.filter(close, Control(0.0, 3.0))
+    values = car_values(windy, close)
+    result = spc.filter(close, values, Control(0.0, 3.0))
     assert result.constraints == 1
     assert result.control.acceleration < 0.0
-    assert result.value == pytest.approx(windy.value(np.array([-12.0, 0.0, 0.0, 25.0, 15.0]))[0])
-    road = Road(lane_count=4, lane_width=4.0, length=10_000.0)
+    assert values.least == pytest.approx(windy.value(np.array([-12.0, 0.0, 0.0, 25.0, 15.0]))[0])
     planner = make_planner(PlannerSettings(expansions=100), robot, DriverSettings(), road, windy)
     assert planner.plan(close, Target(1, 25.0)).target.speed <= 25.0
 
 
 def test_a_game_without_manoeuvres_says_so_where_an_escape_is_to_be_kept(windy: ValueTable) -> None:
     with pytest.raises(TableError, match=r"windy.*keep_escape=false"):
-        make_filter(FilterSettings(kind="spc", keep_escape=True), RobotSettings(), windy, 0.02)
+        make_filter(FilterSettings(kind="spc", keep_escape=True), RobotSettings(), StraightRoad(4), windy, 0.02)
     with pytest.raises(TableError, match="no manoeuvres are known for the game windy"):
         windy.guaranteed(np.zeros((1, 5)))
 

@@ -8,7 +8,7 @@ import pytest
 from hj_cosim.errors import RunFolderError
 from hj_cosim.recording import run_folder
 from hj_cosim.recording.run_folder import read_run, require_free_folder, write_run
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 
 TRAJECTORY_COLUMNS = [
     "time",
@@ -58,7 +58,7 @@ def assert_same(left, right) -> None:
         a, b = getattr(left, field.name), getattr(right, field.name)
         if isinstance(a, np.ndarray):
             np.testing.assert_array_equal(a, b, err_msg=field.name)
-        elif not hasattr(a, "__dataclass_fields__") or isinstance(a, Road):
+        elif not hasattr(a, "__dataclass_fields__") or isinstance(a, StraightRoad):
             assert a == b, field.name
         else:
             assert_same(a, b)
@@ -75,7 +75,7 @@ def only_present(record):
 
 
 def test_a_run_reads_back_as_it_was_written(tmp_path, make_record):
-    record = only_present(make_record(road=Road(lane_count=4, lane_width=3.5, origin_x=12.5, heading=0.3)))
+    record = only_present(make_record(road=StraightRoad(lane_count=4, lane_width=3.5, origin_x=12.5, heading=0.3)))
 
     write_run(tmp_path / "run", record, 'seed = 3\n[scenario]\nname = "mine"\n', SUMMARY)
     run = read_run(tmp_path / "run")

@@ -12,7 +12,7 @@ from hj_cosim.cosim.configuration import config_toml
 from hj_cosim.errors import SimulationError
 from hj_cosim.recording.record import RobotTrack, RunRecord, ThreatTrack, TrafficTrack
 from hj_cosim.recording.run_folder import write_run
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import EpisodeConfig
 from hj_cosim.study.jobs import EpisodeJob
 
@@ -38,7 +38,7 @@ def synthetic_record(config: EpisodeConfig, samples: int = SAMPLES) -> RunRecord
     with np.errstate(divide="ignore", invalid="ignore"):
         ttc = np.where(gap <= 0.0, 0.0, np.where(closing > 0.0, gap / closing, np.inf))
     threats = ThreatTrack(ttc, 1.0 / np.maximum(ttc, 0.1), 0.5 / np.maximum(ttc, 0.1), gap, gap <= 0.0, ttc)
-    return RunRecord(time_of, Road(lane_count=4), 5.0, 2.0, traffic, robot, threats)
+    return RunRecord(time_of, StraightRoad(lane_count=4), 5.0, 2.0, traffic, robot, threats)
 
 
 def summary_of(record: RunRecord, config: EpisodeConfig) -> dict[str, Any]:

@@ -7,11 +7,11 @@ import libsumo
 import numpy as np
 import pytest
 
-from hj_cosim.errors import SimulationError
+from hj_cosim.errors import DriveEnded, SimulationError
 from hj_cosim.settings import CarStart, RobotSettings, RobotStart, Scenario, TrafficSettings
 from hj_cosim.traffic.settling import follow_lane, robot_driver
 from hj_cosim.traffic.sources.scenarios import load_scenario
-from hj_cosim.traffic.sumo import world as sumo_world
+from hj_cosim.traffic.sumo import fleet
 from hj_cosim.traffic.sumo.world import SumoWorld
 from hj_cosim.vehicles.idm import idm_acceleration
 
@@ -127,7 +127,7 @@ def test_a_change_that_sumo_finds_unsafe_is_dropped_and_not_made_later(open_scen
     cars = [CarStart(lane=lane, x=x, speed=v, desired_speed=v) for lane, x, v in ((0, 60.0, 20.0), (1, 57.0, 25.0))]
     world = open_scene(cars, lane=3)
     asked = iter([1])
-    monkeypatch.setattr(sumo_world, "wanted_lanes", lambda *_: np.array([next(asked, 0), 1, 3]))
+    monkeypatch.setattr(fleet, "wanted_lanes", lambda *_: np.array([next(asked, 0), 1, 3]))
     states = [after for _, after in drive(world, 8.0)]
     assert states[0].target_lane[0] == 0
     assert all(after.y[0] == 0.0 for after in states)
@@ -206,7 +206,7 @@ def test_sumos_warnings_reach_the_log_and_not_the_terminal(open_scene, caplog, c
     world = open_scene([CarStart(lane=1, x=5.2, speed=0.0)], speed=20.0)
     for _ in drive(world, 0.2):
         pass
-    with caplog.at_level(logging.WARNING, logger="hj_cosim.traffic.sumo.world"):
+    with caplog.at_level(logging.WARNING, logger="hj_cosim.traffic.sumo.session"):
         world.close()
     assert any("collision" in message for message in caplog.messages)
     assert "collision" not in "".join(capfd.readouterr())
@@ -235,7 +235,7 @@ def test_cars_that_reach_the_end_of_the_road_leave_the_observation(tmp_path):
         assert [0] in present
         driver = robot_driver(scenario.drivers, 1.0)
         driver[0] = 40.0
-        with pytest.raises(SimulationError, match="end of the road"):
+        with pytest.raises(DriveEnded, match="end of the road"):
             for _ in drive(world, 30.0, driver):
                 pass
 

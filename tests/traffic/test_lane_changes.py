@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hj_cosim.traffic.lane_changes import sort_nearly_sorted, wanted_lanes
+from hj_cosim.traffic.lane_changes import DrivingCars, sort_nearly_sorted, wanted_lanes
 from hj_cosim.vehicles.mobil import lane_decisions, mobil_parameters
 
 
@@ -26,7 +26,7 @@ def test_the_decisions_are_those_on_the_sorted_arrays_put_back_in_place():
     length = np.full(count, 5.0)
     mobil = mobil_parameters(0.0, 0.2, 2.0)
     order = np.arange(count)
-    wanted = wanted_lanes(order, deciding, position, speed, lane, lane, length, drivers, mobil, 4)
+    wanted = wanted_lanes(order, deciding, DrivingCars(position, speed, lane, lane, length, drivers), mobil, 4)
     by_position = np.argsort(position)
     expected = lane_decisions(
         *(part[by_position] for part in (deciding, position, speed, lane, lane, length, drivers)), mobil, 4

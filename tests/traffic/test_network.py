@@ -1,5 +1,6 @@
 """Which networks are roads, and what is said about those that are not."""
 
+import gzip
 import math
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from hj_cosim.errors import NetworkError, SimulationError
 from hj_cosim.locations import scenarios_folder
 from hj_cosim.settings import NetworkSettings, RobotSettings, RobotStart, Scenario, TrafficSettings
+from hj_cosim.traffic import network
 from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.sources.scenarios import network_path
 from hj_cosim.traffic.sumo.world import SumoWorld
@@ -179,3 +181,43 @@ def test_a_network_beside_the_scenario_wins_over_ours(tmp_path):
     own.write_text("<net/>")
     assert network_path(NetworkSettings(), tmp_path) == own
     assert network_path(NetworkSettings()) == scenarios_folder() / "four_lanes.net.xml"
+
+
+def packed(path):
+    folded = path.with_name(f"{path.name}.gz")
+    folded.write_bytes(gzip.compress(path.read_bytes()))
+    path.unlink()
+    return folded
+
+
+def test_a_packed_network_is_the_same_road_to_us_and_to_sumo(tmp_path):
+    plain = net(tmp_path, STRAIGHT)
+    road = read_road(plain, "main")
+    path = packed(plain)
+    assert read_road(path, "main") == road
+    scenario = Scenario(
+        name="packed", network=NetworkSettings(file=path.name, edge="main"), traffic=TrafficSettings(count=5)
+    )
+    with SumoWorld(scenario, RobotSettings(), seed=0, scenario_folder=tmp_path) as world:
+        world.settle(0.5)
+        assert len(world.observe().x) == 5
+
+
+def test_a_packed_network_that_unpacks_to_far_too_much_is_refused_before_it_is_in_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr(network, "LARGEST_NETWORK", 2 * network.READ_AT_ONCE)
+    path = tmp_path / "bomb.net.xml.gz"
+    path.write_bytes(gzip.compress(b'<net version="1.20">' + b" " * 8 * network.READ_AT_ONCE))
+    assert path.stat().st_size < 50_000
+    with pytest.raises(NetworkError, match=r"bomb\.net\.xml\.gz is too large; 2 MB of network is the most"):
+        read_road(path, "main")
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda data: b"not gzip", lambda data: data[:-20], lambda data: data[:40] + b"\0" * 40]
+)
+def test_a_packed_network_that_is_broken_is_refused_in_a_sentence(tmp_path, damage):
+    path = packed(net(tmp_path, STRAIGHT))
+    path.write_bytes(damage(path.read_bytes()))
+    with pytest.raises(NetworkError, match=r"own\.net\.xml\.gz is not a SUMO network") as error:
+        read_road(path, "main")
+    assert "\n" not in str(error.value)

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from hj_cosim.errors import ScenarioError
-from hj_cosim.scene.road import Road
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import CarStart, NormalDistribution, RobotSettings, RobotStart, Scenario, TrafficSettings
-from hj_cosim.traffic.settling import mean_driver
 from hj_cosim.traffic.sources.placement import (
-    CAR_LENGTH,
     density,
     draw_drivers,
     initial_traffic,
@@ -19,7 +17,14 @@ from hj_cosim.traffic.sources.placement import (
     truncated_normal,
 )
 from hj_cosim.traffic.sources.scenarios import load_scenario
-from hj_cosim.vehicles.idm import DESIRED_SPEED, PARAMETER_NAMES, equilibrium_speed, idm_acceleration
+from hj_cosim.vehicles.car import CAR_LENGTH
+from hj_cosim.vehicles.idm import (
+    DESIRED_SPEED,
+    PARAMETER_NAMES,
+    equilibrium_speed,
+    idm_acceleration,
+    mean_driver,
+)
 
 SCENARIOS = {"light": 4, "paper": 4, "dense": 4, "jam": 4, "two_lanes": 2, "six_lanes": 6}
 
@@ -27,7 +32,7 @@ SCENARIOS = {"light": 4, "paper": 4, "dense": 4, "jam": 4, "two_lanes": 2, "six_
 def everybody(name: str, seed: int):
     """Return x, lane, speed and drivers of all cars, the robot last."""
     scenario = load_scenario(name)
-    start = initial_traffic(scenario, Road(SCENARIOS[name]), RobotSettings(), seed)
+    start = initial_traffic(scenario, StraightRoad(SCENARIOS[name]), RobotSettings(), seed)
     robot_driver = mean_driver(scenario.drivers)
     robot_driver[DESIRED_SPEED] = scenario.robot.speed
     return (
@@ -75,7 +80,7 @@ def test_light_dense_and_jam_are_half_double_and_four_times_the_papers_density(n
 
 def test_cars_stand_ahead_and_behind_as_many_as_stated_and_in_every_lane():
     scenario = load_scenario("dense")
-    start = initial_traffic(scenario, Road(4), RobotSettings(), 0)
+    start = initial_traffic(scenario, StraightRoad(4), RobotSettings(), 0)
     assert (start.x > start.robot[0]).sum() == scenario.traffic.count
     assert (start.x < start.robot[0]).sum() == scenario.traffic.count_behind
     assert set(start.lane) == {0, 1, 2, 3}
@@ -83,14 +88,14 @@ def test_cars_stand_ahead_and_behind_as_many_as_stated_and_in_every_lane():
 
 
 def test_lanes_are_drawn_and_not_dealt_out_in_turn():
-    start = initial_traffic(load_scenario("paper"), Road(4), RobotSettings(), 0)
+    start = initial_traffic(load_scenario("paper"), StraightRoad(4), RobotSettings(), 0)
     steps = np.diff(start.lane) % 4
     assert len(set(steps)) >= 3
 
 
 def test_the_foremost_car_of_a_lane_drives_no_faster_than_the_stream():
     scenario = load_scenario("jam")
-    start = initial_traffic(scenario, Road(4), RobotSettings(), 0)
+    start = initial_traffic(scenario, StraightRoad(4), RobotSettings(), 0)
     for lane in range(4):
         foremost = np.flatnonzero(start.lane == lane)[np.argmax(start.x[start.lane == lane])]
         assert start.drivers[foremost, DESIRED_SPEED] == pytest.approx(stream_speed(scenario, 4))
@@ -128,7 +133,7 @@ def test_cars_placed_by_hand_start_as_written():
         robot=RobotStart(lane=2, speed=24.0),
         cars=(CarStart(lane=2, x=9.0, speed=30.0), CarStart(lane=0, x=-70.0, speed=5.0, desired_speed=6.0)),
     )
-    start = initial_traffic(scenario, Road(4), RobotSettings(), 0)
+    start = initial_traffic(scenario, StraightRoad(4), RobotSettings(), 0)
     assert (start.x - start.robot[0]).tolist() == pytest.approx([9.0, -70.0])
     assert start.speed.tolist() == [30.0, 5.0]
     assert start.lane.tolist() == [2, 0]
@@ -152,7 +157,7 @@ def test_cars_placed_by_hand_start_as_written():
 def test_what_does_not_fit_is_refused_in_a_sentence(changes, said):
     scenario = Scenario.model_validate({"name": "tight", **changes})
     with pytest.raises(ScenarioError, match=said) as error:
-        initial_traffic(scenario, Road(4), RobotSettings(), 0)
+        initial_traffic(scenario, StraightRoad(4), RobotSettings(), 0)
     assert str(error.value).startswith("scenario tight:")
     assert "\n" not in str(error.value)
 
@@ -162,7 +167,7 @@ def test_robot_has_the_room_ahead_that_a_car_of_the_stream_has_on_average(name):
     lanes = SCENARIOS[name]
     scenario = load_scenario(name)
     for seed in range(5):
-        start = initial_traffic(scenario, Road(lanes), RobotSettings(), seed)
+        start = initial_traffic(scenario, StraightRoad(lanes), RobotSettings(), seed)
         ahead = start.x[(start.lane == scenario.robot.lane) & (start.x > start.robot[0])]
         room = ahead.min() - start.robot[0]
         assert room >= lanes * mean_spacing(scenario.traffic, lanes) * (1.0 - 1e-9)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from hj_cosim.settings import CarStart
-from hj_cosim.traffic.sumo.world import GHOST, ROBOT, SumoWorld
+from hj_cosim.traffic.sumo.puppet import GHOST, ROBOT
+from hj_cosim.traffic.sumo.world import SumoWorld
 from hj_cosim.vehicles.idm import idm_acceleration
 
 STEP = 0.02
@@ -119,7 +120,7 @@ def test_a_lane_change_of_the_robot_makes_nobody_see_it_halt(open_scene):
     for y in np.append(np.linspace(4.0, 8.0, 151), np.full(20, 8.0)):
         put(world, y, 20.0)
         assert libsumo.vehicle.getSpeed(ROBOT) == pytest.approx(20.0, abs=1e-6)
-        assert libsumo.vehicle.getLaneIndex(ROBOT) == world.road.lane_at(y)
+        assert libsumo.vehicle.getLaneIndex(ROBOT) == world.road.lane_at(y, 0.0)
         if GHOST in libsumo.vehicle.getIDList():
             assert libsumo.vehicle.getSpeed(GHOST) == pytest.approx(20.0, abs=1e-6)
         assert world.observe().acceleration.min() > -1.0
@@ -203,7 +204,7 @@ def test_sumos_warnings_about_the_ghost_are_told_of_the_robot_or_not_at_all(open
     world = open_scene([CarStart(lane=2, x=5.5, speed=15.0, desired_speed=15.0)], lane=1)
     for y in np.append(np.linspace(4.0, 7.0, 40), np.linspace(7.0, 4.0, 40)):  # it crowds the car, crosses, and returns
         put(world, y, 20.0)
-    with caplog.at_level(logging.WARNING, logger="hj_cosim.traffic.sumo.world"):
+    with caplog.at_level(logging.WARNING, logger="hj_cosim.traffic.sumo.session"):
         world.close()
     assert any("'robot'; collision with vehicle 'car_0'" in message for message in caplog.messages)
     assert "'robot'; collision with vehicle 'robot'" not in caplog.text

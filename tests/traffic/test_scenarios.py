@@ -4,6 +4,7 @@ import tomllib
 
 import pytest
 
+from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.settings import EpisodeConfig, Scenario, validate
 from hj_cosim.traffic.sources.catalogue import list_scenarios, scenario_schema, scenario_template
@@ -35,7 +36,7 @@ def test_a_path_is_read_and_named_after_its_file(tmp_path):
         ("[traffic]\ndensity = 10\nspacing_factor = 2.0", "density and spacing_factor say the same thing twice"),
         ("[traffic]\nspeed_low = 30.0", "speed_high"),
         ("[drivers]\ndesired_speed = {mean = 2.0, deviation = 1.5}", "reaches zero"),
-        ("[[cars]]\nlane = 1", "x in [[cars]] number 1"),
+        ("[[cars]]\nlane = 1", "[[cars]] entry 1, x: field required"),
         ("[traffic", "is not TOML"),
     ],
 )
@@ -46,6 +47,32 @@ def test_a_mistake_is_named_with_its_file_and_key(tmp_path, text, said):
         load_scenario(str(path))
     assert said in str(error.value)
     assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[robot]\nspeed = 120.0", r"scenario\.robot\.speed \(120 m/s\) must not exceed robot\.speed_max \(40 m/s\)"),
+        ("[traffic]\ncount = -1", r"mine\.toml: traffic\.count = -1: "),
+        ("count = 3", r"mine\.toml: unknown key 'count'; known keys are name, "),
+        (
+            "[[cars]]\nlane = 1\nx = 9.0\nspeed = 1.0\n[[cars]]\nlane = -2\nx = 40.0\nspeed = 1.0",
+            r"mine\.toml: \[\[cars\]\] entry 2, lane = -2: ",
+        ),
+        ("[[cars]]\nlan = 1", r"mine\.toml: \[\[cars\]\] entry 1, lane: field required"),
+    ],
+)
+def test_an_episode_names_the_keys_of_a_scenarios_file_as_the_file_has_them(tmp_path, text, said):
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigurationError, match=said):
+        resolve_config(str(path))
+
+
+def test_a_robot_may_start_as_fast_as_it_can_be():
+    assert resolve_config("paper", assignments=["robot.speed_max=24"]).robot.speed_max == 24.0
+    with pytest.raises(ConfigurationError, match=r"robot\.speed_max=23\.9: .*\(24 m/s\) .*\(23\.9 m/s\)"):
+        resolve_config("paper", assignments=["robot.speed_max=23.9"])
 
 
 def test_an_unknown_name_is_answered_with_those_that_exist():

@@ -41,7 +41,10 @@ def planner_comparison(
         for column, (kind, label, colour, line, marker) in enumerate(PLANNERS):
             chosen = settings.model_copy(update={"kind": kind, **({"gamma_r": 1.0} if kind == "op" else {})})
             planner = OptimisticPlanner(chosen, RobotSettings(), DriverSettings(), situation.road, table)
-            now, target = situation, Target(situation.road.lane_at(situation.robot[1]), float(situation.robot[3]))
+            now, target = (
+                situation,
+                Target(situation.road.lane_at(situation.robot[1], situation.robot[0]), float(situation.robot[3])),
+            )
             for step in range(STEPS + 1):
                 plan = planner.plan(now.observation, target)
                 axes = panels[step, column]

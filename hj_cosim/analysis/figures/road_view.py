@@ -12,12 +12,13 @@ from hj_cosim.scene.road import Road
 
 def draw_road(axes: Axes, road: Road, start: float, stop: float) -> None:
     """Draw the road between two arc lengths (m), at one scale in both directions, and hide the axes' frame."""
-    low, high = -0.5 * road.lane_width, (road.lane_count - 0.5) * road.lane_width
+    lines = road.lane_lines(start)
+    low, high = lines[0], lines[-1]
     axes.add_patch(Rectangle((start, low), stop - start, high - low, facecolor=style.ASPHALT, zorder=0))
-    for lane in range(road.lane_count + 1):
-        edge = lane in (0, road.lane_count)
+    for line in lines:
+        edge = line in (low, high)
         axes.hlines(
-            (lane - 0.5) * road.lane_width,
+            line,
             start,
             stop,
             color=style.GREY if edge else style.LANE_LINE,

@@ -29,7 +29,8 @@ def boxed_in(table: ValueTable) -> style.Drawing:
 def _situation_on_values(situation: Situation, table: ValueTable, title: str) -> style.Drawing:
     road = situation.road
     along = np.linspace(-BEHIND, AHEAD, 361)
-    aside = np.linspace(-0.5 * road.lane_width, (road.lane_count - 0.5) * road.lane_width, 121)
+    lines = road.lane_lines(0.0)
+    aside = np.linspace(lines[0], lines[-1], 121)
     values = situation.field(table, along, aside)
     with style.house_style():
         figure = Figure(figsize=(style.PAGE_WIDTH, 1.75), layout="constrained")

@@ -21,7 +21,7 @@ def snapshots(run: Run) -> style.Drawing:
     samples = np.unique(np.linspace(0, len(record.time) - 1, SNAPSHOTS).round().astype(int))
     rows = []
     with style.house_style():
-        road_height = (record.road.lane_count * record.road.lane_width + 2.0) / (BEHIND + AHEAD)
+        road_height = (np.ptp(record.road.lane_lines(0.0)) + 2.0) / (BEHIND + AHEAD)
         figure = Figure(
             figsize=(style.PAGE_WIDTH, len(samples) * (style.PAGE_WIDTH * road_height + 0.24) + 0.4),
             layout="constrained",

@@ -10,9 +10,8 @@ from hj_cosim.analysis.figures.road_view import draw_cars, draw_road, draw_robot
 from hj_cosim.analysis.values import value_field
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation
-from hj_cosim.scene.road import Road
-
-CAR_LENGTH, CAR_WIDTH = 5.0, 2.0  # m
+from hj_cosim.scene.road import Road, StraightRoad
+from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
 
 
 @dataclass(frozen=True)
@@ -28,15 +27,16 @@ class Situation:
     @classmethod
     def of(cls, lane: int, speed: float, cars: list[tuple[float, int, float]]) -> "Situation":
         """Return the robot in the middle of a lane at a speed (m/s), and cars (x in m, lane, speed in m/s)."""
-        road = Road(lane_count=4)
+        road = StraightRoad(lane_count=4)
         x, lanes, speeds = (np.array(column, float) for column in zip(*cars, strict=True))
-        return cls(np.array([0.0, road.lane_centre(lane), 0.0, speed]), x, lanes * road.lane_width, speeds, road)
+        robot = np.array([0.0, road.lane_centre(lane, 0.0), 0.0, speed])
+        return cls(robot, x, road.lane_centres(lanes, x), speeds, road)
 
     @property
     def observation(self) -> Observation:
         """What the robot sees: all cars at constant speed in their lanes."""
         count = len(self.x)
-        lane = np.round(self.y / self.road.lane_width).astype(np.int64)
+        lane = self.road.nearest_lanes(self.y, self.x)
         return Observation(
             time=0.0,
             robot=self.robot,

@@ -10,7 +10,7 @@ from hj_cosim.control.problem.nearest_control import NearestControl, RowsDecisio
 from hj_cosim.control.problem.safety_problem import NO_ROWS, SafetyRows, available_controls
 from hj_cosim.control.spc.escape import ESCAPING, NO_ESCAPE, PASSED, Extent, keep_escape_in_traffic, manoeuvres_for
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
-from hj_cosim.reachability.table.cars import pair_states
+from hj_cosim.reachability.table.cars import rows_of_cars
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.settings import FilterSettings, RobotSettings
@@ -73,8 +73,7 @@ class SafetyPreservingFilter:
 
     def _rows(self, observation: Observation, values: CarValues, epsilon: float) -> SafetyRows | None:
         """Return the rows of the cars with V <= ε: no V of theirs may fall; None where a row is not finite."""
-        cars = np.flatnonzero(values.value <= epsilon)
-        value, p, q, c = self._table.rows(pair_states(observation.robot, observation.cars, cars))
+        cars, (value, p, q, c) = rows_of_cars(self._table, observation, values, epsilon)
         if self._recovery > 0.0:
             c -= self._recovery * np.minimum(self._epsilon - value, self._epsilon)
         rows = SafetyRows(observation.vehicle[cars], value, p, q, c)

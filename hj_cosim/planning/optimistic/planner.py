@@ -33,33 +33,23 @@ from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation, Target
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
+from hj_cosim.vehicles.idm import mean_driver
 from hj_cosim.vehicles.mobil import mobil_parameters
 
-# Drivers notice the robot in a lane when its centre is this far beyond the lane's border, or nearer.
-NOTICE_MARGIN = 1.0  # m
 # Expansions times vehicles: a tree of some 4 GB.
 LARGEST_TREE = 40_000_000
 
 
-def mean_driver(drivers: DriverSettings) -> tuple[float, float, float, float, float, float]:
-    """Return the mean IDM parameters, in the order of vehicles.idm."""
-    return (
-        drivers.desired_speed.mean,
-        drivers.max_acceleration.mean,
-        drivers.comfortable_deceleration.mean,
-        drivers.time_headway.mean,
-        drivers.minimum_gap.mean,
-        drivers.exponent,
-    )
-
-
-def prediction_model(settings: PlannerSettings, drivers: DriverSettings, road: Road, vehicles: int) -> PredictionModel:
+def prediction_model(
+    settings: PlannerSettings, robot: RobotSettings, drivers: DriverSettings, road: Road, vehicles: int
+) -> PredictionModel:
     """Return the prediction for so many vehicles, the robot included: all drivers are the mean driver."""
+    driver = mean_driver(drivers)
     steps = max(round(settings.action_time / settings.prediction_step), 1)
     step = settings.action_time / steps
     return PredictionModel(
-        driver=mean_driver(drivers),
-        drivers=np.tile(mean_driver(drivers), (vehicles, 1)),
+        driver=tuple(driver.tolist()),
+        drivers=np.tile(driver, (vehicles, 1)),
         mobil=mobil_parameters(drivers.politeness, drivers.gain_threshold, drivers.safe_braking),
         lane_count=road.lane_count,
         lane_width=road.lane_width,
@@ -69,7 +59,7 @@ def prediction_model(settings: PlannerSettings, drivers: DriverSettings, road: R
         others_lateral_speed=road.lane_width / settings.others_lane_change_time,
         speed_kept=math.exp(-step / settings.speed_response),
         speed_response=settings.speed_response,
-        notice_reach=0.5 * road.lane_width + NOTICE_MARGIN,
+        notice_reach=road.overlap_reach(robot.width),
     )
 
 
@@ -111,7 +101,7 @@ class OptimisticPlanner:
                 f"planner.expansions = {self._settings.expansions}: with {vehicles} vehicles within"
                 f" planner.sensing_range the tree is too large; {LARGEST_TREE // vehicles} expansions are the most"
             )
-        self._prediction = prediction_model(self._settings, self._drivers, self._road, vehicles)
+        self._prediction = prediction_model(self._settings, self._robot, self._drivers, self._road, vehicles)
         self._tree = empty_tree(self._settings.expansions, vehicles)
         self._scene = empty_scene(vehicles, self._prediction.steps, self._road.lane_count)
 
@@ -156,8 +146,8 @@ class OptimisticPlanner:
 
     def prepare(self, observation: Observation) -> None:
         """Compile the search, with a plan that nobody follows; it does not change what `plan` answers."""
-        robot = observation.robot
-        self.plan(observation, Target(self._road.lane_at(float(robot[1])), float(robot[3])))
+        along, lateral, _, speed = observation.robot.tolist()
+        self.plan(observation, Target(self._road.lane_at(lateral, along), speed))
 
     def predict(self, observation: Observation, previous: Target, actions: Sequence[int]) -> PredictedTrajectory:
         """Return what the model expects of a given sequence of actions.
@@ -205,7 +195,7 @@ class OptimisticPlanner:
         root["planned_lane"] = min(max(previous.lane, 0), road.lane_count - 1)
         root["planned_speed"] = min(max(planned_speed, settings.speed_floor), settings.speed_high)
         noticed = noticed_lanes(float(y), self._prediction)
-        lowest, highest = outermost_lanes(noticed or 1 << road.lane_at(y), road.lane_count)
+        lowest, highest = outermost_lanes(noticed or 1 << road.lane_at(y, x), road.lane_count)
         lane, second_lane = occupied_lanes(observation, cars, road)
         state, place = tree.state[ROOT], tree.place[ROOT]
         state[POSITION, ROBOT], state[POSITION, 1:] = 0.0, observation.x[cars] - x
@@ -243,7 +233,7 @@ def occupied_lanes(observation: Observation, cars: np.ndarray, road: Road) -> tu
     has left the lane that it comes from.
     """
     lane, target = observation.lane[cars], observation.target_lane[cars]
-    offset = observation.y[cars] - road.lane_width * target
+    offset = observation.y[cars] - road.lane_centres(target, observation.x[cars])
     is_within = np.abs(offset) <= 0.5 * (road.lane_width - observation.width[cars])
     neighbour = target + np.where(is_within, 0, np.sign(offset)).astype(np.int64)
     return target, np.clip(np.where(lane != target, lane, neighbour), 0, road.lane_count - 1)

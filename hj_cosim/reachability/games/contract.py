@@ -18,7 +18,7 @@ shape (2, dimension): at a limit an input that would cross it is not available; 
 A game whose state is `TWO_CARS` is one of the robot and one other car: planner and filter drive with it. For a filter
 a game gives half-planes, coefficients · u + c >= 0, for which the flow has to be affine in the controls, and the worst
 disturbance must not depend on them; so that V falls for no disturbance, whatever control lies within. They follow from
-flow and optimal inputs; a game may have a closed form that is faster.
+flow and optimal inputs; a game of two cars may have a closed form that is faster, `closed_rows`.
 
 What else a game may have, and need not:
 
@@ -39,6 +39,7 @@ from numba.core.errors import NumbaError
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.reachability.grid import Grid
+from hj_cosim.scene.observation import Cars
 from hj_cosim.settings import Boundary, RobotSettings, TableSpecification
 
 if TYPE_CHECKING:
@@ -48,6 +49,9 @@ Outside = Literal["safe", "clamp"]
 StateFunction = Callable[..., None]
 # States (K, n) and gradients (K, n) to coefficients and c, (controls + 1, K).
 HalfPlanes = Callable[[np.ndarray, np.ndarray], np.ndarray]
+# A table's arrays, robot (4,), cars, V of all cars (J,) and a bound, to the cars with V up to it, (K,) int, and their
+# rows (4, K): V, both coefficients, c.
+RowsOfCars = Callable[[np.ndarray, Cars, np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]]
 
 # The state of a game of the robot and one other car: positions robot − other along and across the road, m, the robot's
 # heading, rad, both speeds, m/s; its controls are the robot's turn rate, rad/s, and acceleration, m/s².
@@ -131,7 +135,7 @@ class Game:
     drawn_at: Mapping[str, float] = field(default_factory=dict)  # where pictures hold a state variable, not mid-grid
     shear: BrakingShear | None = None
     target_formula: "Callable[[Mapping[str, float]], TargetFormula] | None" = None
-    closed_half_planes: Callable[[Mapping[str, float]], HalfPlanes] | None = None
+    closed_rows: Callable[[Mapping[str, float]], RowsOfCars] | None = None  # of parameters; else from the flow
     manoeuvres: ManoeuvreBounds | None = None
     of_pair: Callable[[TableSpecification, RobotSettings, SizeClass], TableSpecification] | None = None
     fingerprint: str = ""  # of the source, so that a table knows when its game changed
@@ -225,8 +229,6 @@ class Game:
             parameters: all of them.
             limits: (2, n) as the functions take them.
         """
-        if self.closed_half_planes is not None:
-            return self.closed_half_planes(parameters)
         values = self.parameter_values(parameters, self.name)
 
         def from_flow(states: np.ndarray, gradients: np.ndarray) -> np.ndarray:

@@ -5,35 +5,63 @@ import math
 import numpy as np
 from numba import njit
 
-from hj_cosim.reachability.table.lookup import TableArrays, value_at
+from hj_cosim.reachability.table.lookup import TableArrays, value_and_gradient_at
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import NOBODY, Cars, CarValues, Observation, is_possible
 
 
 def car_values(table: ValueTable, observation: Observation) -> CarValues:
-    """Return V between the robot and each car of an observation.
+    """Return V and its gradient between the robot and each car of an observation.
 
     Args:
         table: V over (p_x, p_y, θ_r, v_r, v_o).
         observation: finite or not; where it is not, nor is any value.
     """
-    value, least, nearest = _car_values(table.arrays, observation.robot, observation.cars)
-    return CarValues(value, least, nearest)
+    value, gradient, least, nearest = _car_values(
+        table.arrays, observation.robot, observation.x, observation.y, observation.heading, observation.speed
+    )
+    return CarValues(value, gradient, least, nearest)
+
+
+def rows_of_cars(
+    table: ValueTable, observation: Observation, values: CarValues, bound: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cars with V up to a bound, (K,) int, and what a filter asks of its control about each, (4, K).
+
+    Those rows are V, the coefficients of ω and a, and c: see `ValueTable.half_planes`.
+
+    Args:
+        table: V over (p_x, p_y, θ_r, v_r, v_o).
+        observation: the robot and the cars.
+        values: V of the cars, `car_values`.
+        bound: m.
+    """
+    if table.closed_rows is not None:
+        return table.closed_rows(observation.robot, observation.cars, values.value, values.gradient, bound)
+    cars = np.flatnonzero(values.value <= bound)
+    states = pair_states(observation.robot, observation.cars, cars)
+    return cars, np.vstack([values.value[cars], table.half_planes(states, values.gradient[cars])])
 
 
 @njit(cache=True)
-def _car_values(table: TableArrays, robot: np.ndarray, cars: Cars) -> tuple[np.ndarray, float, int]:
-    """Return V (J,), the least of them and its index; NaN, and NOBODY, where any is not a number."""
-    value = np.full(len(cars.x), np.nan)
-    if not is_possible(robot, cars.x, cars.y, cars.heading, cars.speed):
-        return value, math.nan, NOBODY
+def _car_values(
+    table: TableArrays, robot: np.ndarray, x: np.ndarray, y: np.ndarray, heading: np.ndarray, speed: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float, int]:
+    """Return V (J,), its gradients (J, 5), the least V and its index; NaN, and NOBODY, where any is not a number.
+
+    One pass for all who want V or its gradient: handing the table to a kernel costs more than its look-ups.
+    """
+    value, gradient = np.full(len(x), np.nan), np.zeros((len(x), 5))
+    if not is_possible(robot, x, y, heading, speed):
+        return value, gradient, math.nan, NOBODY
     least, nearest, known = math.inf, NOBODY, True
     for j in range(len(value)):
-        value[j] = value_at(table, robot[0] - cars.x[j], robot[1] - cars.y[j], robot[2], robot[3], cars.speed[j])
+        p_x, p_y = robot[0] - x[j], robot[1] - y[j]
+        value[j] = value_and_gradient_at(table, p_x, p_y, robot[2], robot[3], speed[j], gradient[j])
         if value[j] < least:
             least, nearest = value[j], j
         known = known and value[j] > -math.inf
-    return (value, least, nearest) if known else (value, math.nan, NOBODY)
+    return (value, gradient, least, nearest) if known else (value, gradient, math.nan, NOBODY)
 
 
 @njit(cache=True)

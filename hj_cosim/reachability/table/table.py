@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hj_cosim.errors import StateError, TableError
-from hj_cosim.reachability.games.contract import TWO_CARS, Game, HalfPlanes
+from hj_cosim.reachability.games.contract import TWO_CARS, Game, HalfPlanes, RowsOfCars
 from hj_cosim.reachability.games.highway.target import TargetFormula
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.solver.solver import SolveReport, state_limits
@@ -146,18 +146,19 @@ class ValueTable:
         u[~known], d[~known] = np.nan, np.nan
         return u, d
 
-    def rows(self, states: np.ndarray) -> np.ndarray:
-        """Return what a filter asks of its control u at `states` (K, n), (controls + 2, K): V, a row per control, c.
+    @cached_property
+    def half_planes(self) -> HalfPlanes:
+        """What a filter asks of its control u: states (K, n) and gradients (K, n) to a row per control and c, (.., K).
 
         Coefficients · u + c is dV/dt at the worst disturbance, so that V falls for none where it is 0 or more. Not
-        checked as the other questions are, for a filter asks at every step: the states have to be right.
+        checked as other questions are, for a filter asks at every step: the states have to be right.
         """
-        values, gradients = self._look_up(states)
-        return np.vstack([values, self._half_planes(states, gradients)])
+        return self.game.half_planes(self.parameters, self.state_limits())
 
     @cached_property
-    def _half_planes(self) -> HalfPlanes:
-        return self.game.half_planes(self.parameters, self.state_limits())
+    def closed_rows(self) -> RowsOfCars | None:
+        """The game's own way to the rows of all cars, if it has one; `cars.rows_of_cars` takes it."""
+        return None if self.game.closed_rows is None else self.game.closed_rows(self.parameters)
 
     def target_values(self, states: np.ndarray) -> np.ndarray:
         """Return V(0, ·), (N,), the formula itself, at `states` (N, n)."""

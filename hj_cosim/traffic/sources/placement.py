@@ -9,11 +9,17 @@ import numpy as np
 from hj_cosim.errors import ScenarioError
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import NormalDistribution, RobotSettings, Scenario, TrafficSettings
-from hj_cosim.traffic.settling import mean_driver, robot_driver
-from hj_cosim.vehicles.idm import DESIRED_SPEED, MINIMUM_GAP, equilibrium_speed, idm_acceleration
+from hj_cosim.traffic.settling import robot_driver
+from hj_cosim.vehicles.car import CAR_LENGTH
+from hj_cosim.vehicles.idm import (
+    DESIRED_SPEED,
+    MINIMUM_GAP,
+    equilibrium_speed,
+    idm_acceleration,
+    mean_driver,
+    parameter_settings,
+)
 
-CAR_LENGTH = 5.0  # m (SPEC section 4)
-CAR_WIDTH = 2.0  # m
 # What is left free behind the last car and the robot, so that nobody's rear sticks out of the road (m).
 REAR_MARGIN = 50.0
 
@@ -90,24 +96,18 @@ def initial_traffic(scenario: Scenario, road: Road, robot: RobotSettings, seed: 
         everyone,
         given=np.append(np.arange(len(x)) >= drawn, scenario.is_hand_made),
     )
-    robot_state = np.array([start, road.lane_centre(scenario.robot.lane), 0.0, speed[-1]])
+    robot_state = np.array([start, road.lane_centre(scenario.robot.lane, start), 0.0, speed[-1]])
     return InitialTraffic(x + start, lane, speed[:-1], drivers, robot_state)
 
 
 def draw_drivers(scenario: Scenario, count: int, random: np.random.Generator) -> np.ndarray:
     """Return the IDM parameters of `count` drivers, (count, 6) in the order of vehicles.idm."""
-    settings = scenario.drivers
-    columns = [
-        truncated_normal(distribution, count, random)
-        for distribution in (
-            settings.desired_speed,
-            settings.max_acceleration,
-            settings.comfortable_deceleration,
-            settings.time_headway,
-            settings.minimum_gap,
-        )
-    ]
-    return np.column_stack([*columns, np.full(count, settings.exponent)])
+    return np.column_stack(
+        [
+            truncated_normal(each, count, random) if isinstance(each, NormalDistribution) else np.full(count, each)
+            for each in parameter_settings(scenario.drivers)
+        ]
+    )
 
 
 def truncated_normal(distribution: NormalDistribution, count: int, random: np.random.Generator) -> np.ndarray:

@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from hj_cosim.traffic.sources.placement import CAR_LENGTH, CAR_WIDTH, InitialTraffic
+from hj_cosim.traffic.sources.placement import InitialTraffic
+from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
 from hj_cosim.vehicles.idm import (
     COMFORTABLE_DECELERATION,
     DESIRED_SPEED,
@@ -16,6 +18,7 @@ from hj_cosim.vehicles.idm import (
     TIME_HEADWAY,
 )
 
+ROUTE = "road"  # what the route is called that all of them take
 LANE_CHANGE_SECONDS = 3.0
 # SUMO takes the least of a car's own top speed and the lane's limit times this factor: the own one shall count.
 IGNORE_SPEED_LIMIT = 100.0
@@ -54,29 +57,34 @@ def command_line(network: Path, routes: Path, log: Path, step: float, seed: int,
     return words
 
 
-def write_routes(
-    path: Path, edge: str, traffic: InitialTraffic, names: Sequence[str], robot_driver: np.ndarray, robot_name: str,
-    robot_length: float, robot_width: float, robot_lane: int,
-) -> None:  # fmt: skip
+class RobotVehicle(NamedTuple):
+    """The robot as SUMO is to know it."""
+
+    name: str
+    length: float  # m
+    width: float  # m
+    lane: int  # that it starts in
+    driver: np.ndarray  # (6,) what SUMO's safety check of lane changes takes it to be
+
+
+def write_routes(path: Path, edge: str, traffic: InitialTraffic, names: Sequence[str], robot: RobotVehicle) -> None:
     """Write the route file that puts every car, and the robot, at its place.
 
     Args:
         path: where to.
         edge: the road.
-        traffic: the cars and the robot.
+        traffic: where the cars and the robot are.
         names: the cars' (J,).
-        robot_driver: (6,) what SUMO's safety check of lane changes takes the robot to be.
-        robot_name, robot_length, robot_width: of the robot (m).
-        robot_lane: the lane that it starts in.
+        robot: what it is.
     """
-    lines = ["<routes>", f'<route id="road" edges={quoteattr(edge)}/>']
+    lines = ["<routes>", f'<route id="{ROUTE}" edges={quoteattr(edge)}/>']
     for name, driver in zip(names, traffic.drivers, strict=True):
         lines.append(vehicle_type(name, driver, driver[DESIRED_SPEED], CAR_LENGTH, CAR_WIDTH))
     # The robot's speed is not SUMO's to limit.
-    lines.append(vehicle_type(robot_name, robot_driver, 1000.0, robot_length, robot_width))
+    lines.append(vehicle_type(robot.name, robot.driver, 1000.0, robot.length, robot.width))
     for name, x, lane, speed in zip(names, traffic.x, traffic.lane, traffic.speed, strict=True):
         lines.append(_vehicle(name, x + 0.5 * CAR_LENGTH, lane, speed))
-    lines.append(_vehicle(robot_name, traffic.robot[0] + 0.5 * robot_length, robot_lane, traffic.robot[3]))
+    lines.append(_vehicle(robot.name, traffic.robot[0] + 0.5 * robot.length, robot.lane, traffic.robot[3]))
     lines.append("</routes>")
     path.write_text("\n".join(lines), encoding="utf-8")
 
@@ -97,6 +105,6 @@ def _vehicle(name: str, front: float, lane: int, speed: float) -> str:
     """Return the <vehicle> that starts with its front bumper at `front` (m), at `speed` (m/s)."""
     # insertionChecks works here only: not on the vType, and not through vehicle.add.
     return (
-        f'<vehicle id="{name}" type="{name}" route="road" depart="0" departPos="{front:.17g}" departLane="{lane}"'
+        f'<vehicle id="{name}" type="{name}" route="{ROUTE}" depart="0" departPos="{front:.17g}" departLane="{lane}"'
         f' departSpeed="{speed:.17g}" insertionChecks="none"/>'
     )

@@ -23,7 +23,7 @@ from hj_cosim.reachability.games.highway.manoeuvres import lower_bounds, manoeuv
 from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed
 from hj_cosim.reachability.games.highway.pair import of_pair
 from hj_cosim.reachability.games.highway.parameters import PARAMETERS
-from hj_cosim.reachability.games.highway.rows import closed_half_planes
+from hj_cosim.reachability.games.highway.rows import closed_rows
 from hj_cosim.reachability.games.highway.target import TargetFormula
 from hj_cosim.vehicles.rss import lateral_distance, longitudinal_distance
 
@@ -169,7 +169,7 @@ game = Game(
     drawn_at={"theta": 0.0, "v_r": 10.0, "v_o": 20.0},
     shear=BrakingShear("braking_shear"),
     target_formula=TargetFormula.of_game,
-    closed_half_planes=closed_half_planes,
+    closed_rows=closed_rows,
     manoeuvres=ManoeuvreBounds(of_game=manoeuvres_of, lower_bounds=lower_bounds, capped=capped),
     of_pair=of_pair,
 )

@@ -11,8 +11,9 @@ from collections.abc import Mapping
 import numpy as np
 from numba import njit
 
-from hj_cosim.reachability.games.contract import HalfPlanes
+from hj_cosim.reachability.games.contract import RowsOfCars
 from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed
+from hj_cosim.scene.observation import Cars
 
 
 @njit(cache=True)
@@ -41,25 +42,35 @@ def worst_drift(gradient: np.ndarray, state: np.ndarray, other: Disturbance) -> 
 
 
 @njit(cache=True)
-def _half_planes(states: np.ndarray, gradients: np.ndarray, other: Disturbance) -> np.ndarray:
-    found = np.empty((3, len(states)))
-    for k in range(len(states)):
-        found[0, k] = gradients[k, 2]
-        found[1, k] = gradients[k, 3]
-        found[2, k] = worst_drift(gradients[k], states[k], other)
-    return found
+def _rows_of_cars(
+    robot: np.ndarray, cars: Cars, values: np.ndarray, gradients: np.ndarray, bound: float, other: Disturbance
+) -> tuple[np.ndarray, np.ndarray]:
+    chosen, rows = np.empty(len(values), np.int64), np.empty((4, len(values)))
+    state = np.empty(5)
+    count = 0
+    for j in range(len(values)):
+        if values[j] <= bound:
+            state[0], state[1] = robot[0] - cars.x[j], robot[1] - cars.y[j]
+            state[2], state[3], state[4] = robot[2], robot[3], cars.speed[j]
+            chosen[count] = j
+            rows[0, count], rows[1, count], rows[2, count] = values[j], gradients[j, 2], gradients[j, 3]
+            rows[3, count] = worst_drift(gradients[j], state, other)
+            count += 1
+    return chosen[:count], rows[:, :count]
 
 
-def closed_half_planes(parameters: Mapping[str, float]) -> HalfPlanes:
-    """Return the function that makes rows of states and gradients, both (K, 5): V_θ, V_r and c_0, (3, K).
+def closed_rows(parameters: Mapping[str, float]) -> RowsOfCars:
+    """Return the function that makes the rows of all cars with V up to a bound, in one pass.
 
     Args:
         parameters: all of a highway game.
     """
     other = Disturbance.of_game(parameters)
 
-    def rows_of(states: np.ndarray, gradients: np.ndarray) -> np.ndarray:
-        rows: np.ndarray = _half_planes(states, gradients, other)
-        return rows
+    def rows_of_cars(
+        robot: np.ndarray, cars: Cars, values: np.ndarray, gradients: np.ndarray, bound: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        chosen, rows = _rows_of_cars(robot, cars, values, gradients, bound, other)
+        return chosen, rows
 
-    return rows_of
+    return rows_of_cars

@@ -1,0 +1,281 @@
+"""The background cars in SUMO: who is on the road, where they are, and when ours change lanes.
+
+IDM is SUMO's, MOBIL ours. A car between two lanes is read completely; of the others, position and speed say all.
+"""
+
+import math
+from collections.abc import Callable, Collection
+from typing import NamedTuple
+
+import numpy as np
+
+from hj_cosim.scene.observation import Observation
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import RobotSettings
+from hj_cosim.traffic.lane_changes import DrivingCars, wanted_lanes
+from hj_cosim.traffic.sources.placement import InitialTraffic
+from hj_cosim.traffic.sumo.puppet import Placement
+from hj_cosim.traffic.sumo.session import libsumo
+from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
+from hj_cosim.vehicles.idm import PARAMETER_NAMES
+
+# setLaneChangeMode has two bits a reason (strategic, cooperative, speed gain, keep right), all 0 here, and then how
+# requests are treated.
+ONLY_REQUESTED_IF_SAFE = 256
+
+DECISION_PERIOD = 1.0  # s between two lane-change decisions of a car
+DECISION_TURNS = 10  # a tenth of the cars decides every tenth of the period
+NEVER_ITS_TURN = -1  # of who decides elsewhere: the robot, and cars that are not ours
+# Nearer than this to a lane's centre line (m), a car is not between lanes; a step of a change moves it 0.03 m.
+ON_CENTRE_LINE = 1e-3
+USUAL_EXPONENT = 4.0  # IDM's, which SUMO has no getter for
+
+
+class FleetArrays(NamedTuple):
+    """The J cars on the road, a row each, and in a last row the robot, which the others take for one of them."""
+
+    number: np.ndarray  # (J + 1,) int, as World has it; the robot's means nothing
+    turn: np.ndarray  # (J + 1,) int, when it decides, or NEVER_ITS_TURN
+    x: np.ndarray  # (J + 1,) m, like all positions of its centre
+    y: np.ndarray  # (J + 1,) m
+    heading: np.ndarray  # (J + 1,) rad
+    speed: np.ndarray  # (J + 1,) m/s
+    acceleration: np.ndarray  # (J + 1,) m/s²
+    lane: np.ndarray  # (J + 1,) int
+    target_lane: np.ndarray  # (J + 1,) int, where a change in progress leads
+    second_lane: np.ndarray  # (J + 1,) int, the other lane that it is in meanwhile
+    length: np.ndarray  # (J + 1,) m
+    width: np.ndarray  # (J + 1,) m
+    driver: np.ndarray  # (J + 1, 6) IDM parameters; an estimate where the car is not ours
+
+    def only(self, stays: np.ndarray) -> "FleetArrays":
+        """Return the rows of a mask (J + 1,)."""
+        return FleetArrays(*(column[stays] for column in self))
+
+    def with_car(self, car: "FleetArrays") -> "FleetArrays":
+        """Return the rows with one more (of one row) before the robot's."""
+        return FleetArrays(
+            *(np.concatenate([column[:-1], new, column[-1:]]) for column, new in zip(self, car, strict=True))
+        )
+
+
+class Fleet:
+    """The background cars, as they were after the last step.
+
+    Attributes:
+        vehicle_names: a name for each number; see World.
+    """
+
+    def __init__(
+        self, initial: InitialTraffic, names: list[str], robot: RobotSettings, robot_driver: np.ndarray, road: Road
+    ) -> None:
+        """Take over cars that SUMO has inserted.
+
+        Args:
+            initial: where they, and the robot, are.
+            names: theirs in SUMO, (J,).
+            robot: its body.
+            robot_driver: (6,) what the others' MOBIL takes the robot to be.
+            road: the road.
+        """
+        for name in names:
+            libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE)
+        self.vehicle_names = list(names)
+        self._road = road
+        self._known_drivers = initial.drivers
+        self._names = list(names)  # of those on the road, a name for each row but the robot's
+        count = len(names)
+        lane = np.append(initial.lane, road.lane_at(initial.robot[1], initial.robot[0]))
+        self._set_rows(
+            FleetArrays(
+                number=np.arange(count + 1),
+                turn=np.full(count + 1, NEVER_ITS_TURN),
+                x=np.append(initial.x, initial.robot[0]),
+                y=np.append(road.lane_centres(initial.lane, initial.x), initial.robot[1]),
+                heading=np.zeros(count + 1),
+                speed=np.append(initial.speed, initial.robot[3]),
+                acceleration=np.zeros(count + 1),
+                lane=lane,
+                target_lane=lane.copy(),
+                second_lane=lane.copy(),
+                length=np.append(np.full(count, CAR_LENGTH), robot.length),
+                width=np.append(np.full(count, CAR_WIDTH), robot.width),
+                driver=np.vstack([initial.drivers, robot_driver]),
+            )
+        )
+        self._changing: list[int] = []  # rows of ours that were told to change lanes and are not done
+        self._not_ours: list[int] = []  # rows of cars that SUMO, or a user's simulation, drives and inserts
+        self._order = np.argsort(self._rows.x, kind="stable")
+
+    def take_turns(self, random: np.random.Generator) -> None:
+        """Draw when each of the cars decides about its lane."""
+        count = len(self._names)
+        self._rows.turn[:count] = random.permutation(count) % DECISION_TURNS
+
+    def _set_rows(self, rows: FleetArrays) -> None:
+        self._rows = rows
+        self._front_offset = 0.5 * rows.length  # SUMO's positions are of front bumpers
+        self._contact_distance = 0.5 * (rows.length[:-1] + rows.length[-1])  # between the robot's centre and theirs
+
+    @property
+    def drivers(self) -> np.ndarray:
+        """The drivers by number, (len(vehicle_names), 6), NaN where they are not ours; see World."""
+        unknown = np.full((len(self.vehicle_names) - len(self._known_drivers), len(PARAMETER_NAMES)), math.nan)
+        return np.vstack([self._known_drivers, unknown])
+
+    def observe(self, time: float, robot: np.ndarray) -> Observation:
+        """Return what the robot (4,) sees at a time (s)."""
+        rows = self._rows  # what is replaced in every step is handed out as it is, what is changed in place is copied
+        return Observation(
+            time=time,
+            robot=robot,
+            robot_acceleration=float(rows.acceleration[-1]),
+            vehicle=rows.number[:-1],
+            x=rows.x[:-1],
+            y=rows.y[:-1].copy(),
+            heading=rows.heading[:-1].copy(),
+            speed=rows.speed[:-1],
+            acceleration=rows.acceleration[:-1],
+            lane=rows.lane[:-1].copy(),
+            target_lane=rows.target_lane[:-1].copy(),
+            length=rows.length[:-1],
+            width=rows.width[:-1],
+        )
+
+    def request_lane_changes(self, turn: int, mobil: np.ndarray, step: float) -> None:
+        """Let those decide whose turn it is, and ask SUMO for the changes that they want.
+
+        Args:
+            turn: counts up, once for every tenth of the decision period.
+            mobil: (3,) MOBIL's parameters.
+            step: s; a request that SUMO finds unsafe in this one step is dropped, not kept.
+        """
+        rows = self._rows
+        deciding = rows.turn == turn % DECISION_TURNS
+        deciding[self._changing] = False
+        cars = DrivingCars(rows.x, rows.speed, rows.lane, rows.second_lane, rows.length, rows.driver)
+        wanted = wanted_lanes(self._order, deciding, cars, mobil, self._road.lane_count)
+        for car in np.flatnonzero(wanted != rows.lane):
+            libsumo.vehicle.changeLane(self._names[car], int(wanted[car]), step)
+            rows.target_lane[car] = wanted[car]
+            self._changing.append(int(car))
+
+    def move_robot(self, robot: Placement) -> None:
+        """Take over which lanes the robot will be in when the step ends."""
+        lane = self._rows.lane, self._rows.target_lane, self._rows.second_lane
+        lane[0][-1] = lane[1][-1] = robot.lane
+        lane[2][-1] = robot.second_lane
+
+    def read(
+        self, robot_state: np.ndarray, robot_acceleration: float, step: float, is_car: Callable[[str], bool]
+    ) -> None:
+        """Read where everybody is after a step.
+
+        Args:
+            robot_state: (4,) of the robot, in the road frame.
+            robot_acceleration: m/s², during the step.
+            step: s.
+            is_car: whether a vehicle of SUMO's is a car to be observed.
+        """
+        if libsumo.simulation.getArrivedNumber():
+            self._forget(set(libsumo.simulation.getArrivedIDList()))
+        rows = self._rows
+        x = np.empty(len(rows.x))
+        x[:-1] = np.fromiter(map(libsumo.vehicle.getLanePosition, self._names), float, len(self._names))
+        x -= self._front_offset
+        x[-1] = robot_state[0]
+        # SUMO moves a car by its new speed times the step, so its way is its speed: one getter a car, not two.
+        speed = (x - rows.x) / step
+        speed[-1] = robot_state[3]
+        acceleration = (speed - rows.speed) / step
+        acceleration[-1] = robot_acceleration
+        rows.y[-1], rows.heading[-1] = robot_state[1], robot_state[2]
+        self._rows = rows._replace(x=x, speed=speed, acceleration=acceleration)
+        if self._changing:
+            self._changing = [car for car in self._changing if self._read_sideways(car)]
+        for car in self._not_ours:
+            self._follow_change(car)
+            self._read_sideways(car)
+        if libsumo.simulation.getDepartedNumber():
+            for name in filter(is_car, libsumo.simulation.getDepartedIDList()):
+                self._admit(name)
+
+    def is_beside_robot(self) -> bool:
+        """Return whether a car lies alongside the robot in a lane that both are in: it hits that car, or crowds it."""
+        rows = self._rows
+        beside = np.flatnonzero(np.abs(rows.x[:-1] - rows.x[-1]) < self._contact_distance)
+        lanes = {int(rows.lane[-1]), int(rows.second_lane[-1])}
+        return any(not lanes.isdisjoint((int(rows.lane[car]), int(rows.second_lane[car]))) for car in beside)
+
+    def _read_sideways(self, car: int) -> bool:
+        """Read a car's lane and where it is across the road; return whether it is between lanes: not done or refused.
+
+        SUMO moves a car sideways at a constant rate and turns it about its front bumper, back again in one step
+        when it arrives. Its lateral position is taken for the centre's: only so is the centre's path continuous.
+        """
+        name, rows, road = self._names[car], self._rows, self._road
+        along = float(rows.x[car])
+        lane = libsumo.vehicle.getLaneIndex(name)
+        offset = libsumo.vehicle.getLateralLanePosition(name)
+        rows.lane[car] = lane
+        if abs(offset) < ON_CENTRE_LINE:
+            rows.y[car], rows.heading[car] = road.lane_centre(lane, along), 0.0
+            rows.target_lane[car] = rows.second_lane[car] = lane
+            return False
+        rows.y[car] = road.lane_centre(lane, along) + offset
+        angle = math.radians(90.0 - libsumo.vehicle.getAngle(name))
+        rows.heading[car] = math.remainder(angle - road.heading_at(along), math.tau)
+        # SUMO has it in both lanes from the beginning, and frees the old one once its body has left it.
+        has_crossed = lane == rows.target_lane[car]
+        has_left = has_crossed and abs(offset) <= 0.5 * (road.lane_width - rows.width[car])
+        rows.second_lane[car] = lane if has_left else lane + (1 if offset > 0.0 else -1)
+        return True
+
+    def _follow_change(self, car: int) -> None:
+        """Take a car that nobody here told to change lanes to be on its way to where it has moved in this step."""
+        name, rows = self._names[car], self._rows
+        lane, offset = libsumo.vehicle.getLaneIndex(name), libsumo.vehicle.getLateralLanePosition(name)
+        before = rows.y[car] - self._road.lane_centre(lane, float(rows.x[car]))
+        leaves = rows.lane[car] == lane and abs(offset) > abs(before)
+        rows.target_lane[car] = lane + int(np.sign(offset)) if leaves else lane
+
+    def _admit(self, name: str) -> None:
+        """Add a row for a car that has entered after the beginning; a name that comes back has its number again."""
+        if name not in self.vehicle_names:
+            self.vehicle_names.append(name)
+        vehicle, rows = libsumo.vehicle, self._rows
+        lane = vehicle.getLaneIndex(name)
+        length = vehicle.getLength(name)
+        x = vehicle.getLanePosition(name) - 0.5 * length
+        one = {"turn": NEVER_ITS_TURN, "heading": 0.0, "acceleration": 0.0, "x": x, "length": length}
+        one |= {
+            "number": self.vehicle_names.index(name),
+            "speed": vehicle.getSpeed(name),
+            "width": vehicle.getWidth(name),
+        }
+        one |= {"lane": lane, "target_lane": lane, "second_lane": lane, "y": self._road.lane_centre(lane, x)}
+        columns = {key: np.array([value]) for key, value in one.items()}
+        self._set_rows(rows.with_car(FleetArrays(driver=_estimated_driver(name)[np.newaxis], **columns)))
+        self._not_ours.append(len(self._names))
+        self._names.append(name)
+        robot = len(self._names)  # its row has moved down by one
+        self._order = np.append(np.where(self._order == robot - 1, robot, self._order), robot - 1)
+        self._read_sideways(robot - 1)
+
+    def _forget(self, arrived: Collection[str]) -> None:
+        """Drop the rows of cars that have reached the end of the road."""
+        stays = np.array([*(name not in arrived for name in self._names), True])
+        renumbered = np.cumsum(stays) - 1
+        self._changing = [int(renumbered[car]) for car in self._changing if stays[car]]
+        self._not_ours = [int(renumbered[car]) for car in self._not_ours if stays[car]]
+        self._names = [name for name in self._names if name not in arrived]
+        self._order = renumbered[self._order[stays[self._order]]]
+        self._set_rows(self._rows.only(stays))
+
+
+def _estimated_driver(name: str) -> np.ndarray:
+    """Return what IDM's parameters (6,) are of a vehicle of SUMO's, as far as its own car-following model has them."""
+    vehicle = libsumo.vehicle
+    desired_speed = min(vehicle.getMaxSpeed(name), vehicle.getAllowedSpeed(name))
+    getters = (vehicle.getAccel, vehicle.getDecel, vehicle.getTau, vehicle.getMinGap)
+    return np.array([desired_speed, *(getter(name) for getter in getters), USUAL_EXPONENT])
