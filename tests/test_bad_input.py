@@ -164,7 +164,7 @@ COMMANDS = {
     ("run", "--preset", "bst"): "choose one of best, paper",
     ("run", "--seed", "-1"): "seed = -1",
     ("run", "--duration", "nan"): "simulation.duration = nan",
-    ("run", "--planner", "dijkstra"): "'hjop', 'op' or 'idle'",
+    ("run", "--planner", "dijkstra"): "choose one of hjop, op, idle",
     ("run", "--table", "absent.toml"): "absent.toml does not exist",
     ("study", "--seed", "-1"): "seed",
     ("study", "--preset", "bst"): "choose one of best, paper",

@@ -40,7 +40,6 @@ from hj_cosim.study.results import is_complete, read_result
 from hj_cosim.study.stacks import Stack
 from hj_cosim.study.statistics import RowStatistics
 from hj_cosim.study.tables import (
-    MACHINE_DEPENDENT,
     Row,
     comparison_table,
     difference_table,
@@ -259,9 +258,9 @@ def write_tables(folder: StudyFolder, failures: tuple[Failure, ...] = ()) -> Stu
             result, own_windows = read_result(run_folder)
             results.append(result)
             factors = {**cell.factors, "seed": seed}
-            episodes.append({**factors, **_without(result.summary, (*factors, *MACHINE_DEPENDENT))})
+            episodes.append({**factors, **_without(result.summary, tuple(factors))})
             windows += [{**factors, **window} for window in own_windows]
-            wall_times.append({**factors, **{name: result.summary[name] for name in MACHINE_DEPENDENT}})
+            wall_times.append({**factors, **result.timing})
         rows.append(Row(cell, RowStatistics(results), len(folder.design.seeds) - len(results)))
     table = study_table(rows)
     study = Study(folder.path, table, difference_table(rows), comparison_table(rows), claim_table(rows), failures)

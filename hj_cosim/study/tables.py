@@ -16,7 +16,6 @@ from hj_cosim.study.design import Cell
 from hj_cosim.study.statistics import Estimate, RowStatistics
 
 STACK_COLUMNS = ("planner", "filter", "scheme")
-MACHINE_DEPENDENT = ("wall_seconds", "real_time_factor")
 
 
 @dataclass(frozen=True)

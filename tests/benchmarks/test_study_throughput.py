@@ -14,7 +14,7 @@ from hj_cosim.control.catalogue import make_filter
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import Episode, drive, run_in_sumo, write_episode
 from hj_cosim.cosim.recorder import Recorder
-from hj_cosim.metrics.summary import summarize
+from hj_cosim.metrics.summary import summarize, timing
 from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.reachability.table.store import find_specification, load_table, table_path
 from hj_cosim.study.driving import drive_episode
@@ -81,8 +81,10 @@ def test_where_an_episodes_time_goes(monkeypatch, tmp_path):
         monkeypatch.setattr(type(planner), "plan", timed("planning", type(planner).plan))
         monkeypatch.setattr(type(safety_filter), "filter", timed("filter", type(safety_filter).filter))
         record = drive(world, planner, safety_filter, table, config).record
-    summary = timed("summary", summarize)(record, config, 1.0)
-    timed("writing", write_episode)(Episode(config, record, summary, world.drivers), Path(tmp_path) / "run")
+    summary = timed("summary", summarize)(record, config)
+    timed("writing", write_episode)(
+        Episode(config, record, summary, world.drivers, timing(summary, 1.0)), Path(tmp_path) / "run"
+    )
     whole = time.process_time() - started
     spent["exchange with SUMO"] = spent.pop("world") - spent["SUMO's steps"]
     spent["tracking, bicycle, the loop"] = whole - sum(spent.values())

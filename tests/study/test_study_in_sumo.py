@@ -1,7 +1,6 @@
 """Studies in SUMO itself: the same bytes whoever drives and whatever came between, and SUMO's failures."""
 
 import importlib
-import json
 import os
 import subprocess
 import sys
@@ -36,11 +35,8 @@ def all_files(folder):
     content = {
         path.relative_to(folder).as_posix(): path.read_bytes()
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != "wall_times.csv"
+        if path.is_file() and path.name not in ("wall_times.csv", "timing.json")
     }
-    for name in [name for name in content if name.endswith("summary.json")]:
-        summary = json.loads(content[name])
-        content[name] = {key: value for key, value in summary.items() if key not in MACHINE_DEPENDENT}
     return content
 
 
