@@ -25,7 +25,7 @@ from hj_cosim.reachability.table.table_file import TableFile, open_table_file
 from hj_cosim.settings import RobotSettings, TableSpecification, read_toml, validate
 
 # Part of every specification's hash: raised when the solver changes what it computes, so that tables are re-solved.
-_SOLVER_VERSION = 3
+_SOLVER_VERSION = 4
 _HASH_IN_NAME = 12  # characters of it in the name of a table that no specification names
 
 # The other cars, by the size that a table has to be right for; smaller ones count as cars.
