@@ -53,5 +53,9 @@ class WorkerError(HjCosimError):
     """The processes or the cluster that drive a study's episodes cannot be started or reached."""
 
 
+class MetricError(HjCosimError):
+    """A metric is written that is not declared, or asked for under a name that none has."""
+
+
 class PluginError(HjCosimError):
     """A planner or a filter cannot be imported or made, or failed in the middle of an episode."""

@@ -185,7 +185,7 @@ def read_all(victim: Victim) -> dict[str, bytes]:
     for path in sorted(victim.folder.rglob("*")):
         if path.is_file() and UNFINISHED not in path.as_posix():
             _READERS[path.suffix](path)
-            if path.name not in ("summary.json", "wall_times.csv") and path.suffix != ".npz":  # these hold wall times
+            if path.name not in ("timing.json", "wall_times.csv") and path.suffix != ".npz":  # these hold wall times
                 content[path.relative_to(victim.folder).as_posix()] = path.read_bytes()
     return content
 

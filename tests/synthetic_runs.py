@@ -89,7 +89,7 @@ def make_hostile_run() -> Callable[[Path, str], Path]:
             folder,
             record,
             tomli_w.dumps(config.model_dump(mode="json", exclude_none=True)),
-            summarize(record, config, 1.0),
+            summarize(record, config),
         )
         return folder
 

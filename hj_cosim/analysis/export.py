@@ -1,12 +1,14 @@
-"""A run's trajectories in other forms: CSV, plain Parquet, and SUMO's FCD XML.
+"""A run's trajectories in other forms: CSV, plain Parquet, and SUMO's FCD XML, the texts compressed if asked for.
 
 All stream row group by row group, so that a long drive of many cars needs little memory.
 """
 
+import gzip
 import math
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -18,7 +20,7 @@ import pyarrow.parquet as pq
 from hj_cosim.errors import OutputError, RunFolderError
 from hj_cosim.files import whole_file
 from hj_cosim.recording.run_bounds import open_columns
-from hj_cosim.recording.run_folder import TRAJECTORIES, read_config, road_of
+from hj_cosim.recording.run_folder import TRAJECTORIES, read_config, require_not_own_file, road_of
 from hj_cosim.scene.road import Road
 
 # What each format's file is called when no name is given.
@@ -26,7 +28,11 @@ DEFAULT_NAMES = {"csv": "trajectories.csv", "parquet": "trajectories.plain.parqu
 COLUMNS = ("time", "vehicle", "x", "y", "heading", "speed", "acceleration", "lane", "length", "width")
 
 
-def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
+_FORMATS_OF_SUFFIXES = {".csv": "csv", ".parquet": "parquet", ".xml": "fcd"}
+_OTHER_COMPRESSIONS = (".bz2", ".xz", ".zst", ".zip", ".7z", ".tgz", ".tar")
+
+
+def export_run(folder: Path, format: str | None = None, out: Path | None = None) -> Path:
     """Write a run's trajectories in another form.
 
     `csv` and `parquet` have the columns of trajectories.parquet, the names as plain strings, in compression that every
@@ -36,36 +42,77 @@ def export_run(folder: Path, format: str, out: Path | None = None) -> Path:
 
     Args:
         folder: of the run.
-        format: `csv`, `parquet` or `fcd`.
-        out: the file; in the run's folder under DEFAULT_NAMES unless given.
+        format: `csv`, `parquet` or `fcd`; unless given, what the file's name says, or else `csv`.
+        out: the file, compressed with gzip if its name ends in .gz; in the run's folder under DEFAULT_NAMES unless
+            given.
 
     Returns:
         The file that was written.
 
     Raises:
-        OutputError: if the format is unknown.
-        RunFolderError: if the folder holds no run.
+        OutputError: if the format is unknown, or the file's name contradicts it.
+        RunFolderError: if the folder holds no run, or the file belongs to one.
         HjCosimError: if the file cannot be written.
     """
-    if format not in DEFAULT_NAMES:
-        raise OutputError(f"cannot export as {format!r}; choose one of {', '.join(DEFAULT_NAMES)}")
-    target = out or folder / DEFAULT_NAMES[format]
+    kind = _format_of(format, out)
+    target = out or folder / DEFAULT_NAMES[kind]
+    require_not_own_file(target)
     if not (folder / TRAJECTORIES).is_file():
         raise RunFolderError(f"{folder} holds no run: {TRAJECTORIES} is missing")
-    edge = read_config(folder)["scenario"]["network"]["edge"] if format == "fcd" else ""
+    edge = read_config(folder)["scenario"]["network"]["edge"] if kind == "fcd" else ""
     try:
         with open_columns(folder / TRAJECTORIES) as trajectories:
             _require_columns(trajectories.schema_arrow)
             with whole_file(target) as temporary:
-                if format == "csv":
-                    _write_csv(trajectories, temporary)
-                elif format == "parquet":
+                if kind == "parquet":
                     _write_parquet(trajectories, temporary)
-                else:
-                    _write_fcd(trajectories, temporary, road_of(trajectories.schema_arrow), edge)
+                    return target
+                with _opened(temporary, compressed=target.suffix == ".gz") as file:
+                    if kind == "csv":
+                        _write_csv(trajectories, file)
+                    else:
+                        _write_fcd(trajectories, file, road_of(trajectories.schema_arrow), edge)
     except (OSError, ValueError, KeyError) as error:  # pyarrow's errors are among these
         raise RunFolderError(f"{folder / TRAJECTORIES} is broken: {error}") from error
     return target
+
+
+def _format_of(format: str | None, out: Path | None) -> str:
+    """Return the format that is asked for, by its name or by the file's.
+
+    Raises:
+        OutputError: if there is none of that name, the two contradict each other, or neither says anything.
+    """
+    choice = f"choose one of {', '.join(DEFAULT_NAMES)}"
+    if format is not None and format not in DEFAULT_NAMES:
+        raise OutputError(f"cannot export as {format!r}; {choice}")
+    if out is None:
+        return format or "csv"
+    if out.suffix in _OTHER_COMPRESSIONS:
+        raise OutputError(f"cannot write {out}: only gzip compresses an export, with a name that ends in .gz")
+    is_compressed = out.suffix == ".gz"
+    implied = _FORMATS_OF_SUFFIXES.get((out.with_suffix("") if is_compressed else out).suffix)
+    kind = format or implied
+    if kind is None:
+        raise OutputError(f"the name {out} does not say what to export; give it with --format, {choice}")
+    if implied not in (None, kind):
+        raise OutputError(
+            f"--format {format} contradicts the name {out}, which is that of {implied}; change one of them"
+        )
+    if kind == "parquet" and is_compressed:
+        raise OutputError(f"cannot write {out}: Parquet is compressed within; choose a name that ends in .parquet")
+    return kind
+
+
+@contextmanager
+def _opened(path: Path, *, compressed: bool) -> Iterator[IO[bytes]]:
+    """Open a file for writing, through gzip if asked for; the same content gives the same bytes."""
+    with path.open("wb") as file:
+        if not compressed:
+            yield file
+            return
+        with gzip.GzipFile(filename="", mode="wb", fileobj=file, mtime=0) as stream:
+            yield stream  # type: ignore[misc]  # it is one, but is not declared so
 
 
 def _require_columns(schema: pa.Schema) -> None:
@@ -89,8 +136,8 @@ def _plain_schema(trajectories: pq.ParquetFile) -> pa.Schema:
     return schema.set(schema.get_field_index("vehicle"), pa.field("vehicle", pa.string()))
 
 
-def _write_csv(trajectories: pq.ParquetFile, path: Path) -> None:
-    with pyarrow.csv.CSVWriter(path, _plain_schema(trajectories)) as writer:
+def _write_csv(trajectories: pq.ParquetFile, file: IO[bytes]) -> None:
+    with pyarrow.csv.CSVWriter(file, _plain_schema(trajectories)) as writer:
         for rows in _row_groups(trajectories):
             writer.write_table(_plain(rows))
 
@@ -101,17 +148,16 @@ def _write_parquet(trajectories: pq.ParquetFile, path: Path) -> None:
             writer.write_table(_plain(rows))
 
 
-def _write_fcd(trajectories: pq.ParquetFile, path: Path, road: Road, edge: str) -> None:
-    with path.open("w", encoding="utf-8") as file:
-        file.write('<?xml version="1.0" encoding="UTF-8"?>\n\n<fcd-export>\n')
-        for rows in _row_groups(trajectories):  # a row group holds whole time steps
-            lines = _fcd_lines(rows, road, edge).to_pylist()
-            time = rows["time"].to_numpy()
-            starts = np.concatenate([[0], np.flatnonzero(np.diff(time)) + 1])
-            for start, stop in zip(starts, [*starts[1:], len(time)], strict=True):
-                body = "\n".join(lines[start:stop])
-                file.write(f'    <timestep time="{time[start]:.3f}">\n{body}\n    </timestep>\n')
-        file.write("</fcd-export>\n")
+def _write_fcd(trajectories: pq.ParquetFile, file: IO[bytes], road: Road, edge: str) -> None:
+    file.write(b'<?xml version="1.0" encoding="UTF-8"?>\n\n<fcd-export>\n')
+    for rows in _row_groups(trajectories):  # a row group holds whole time steps
+        lines = _fcd_lines(rows, road, edge).to_pylist()
+        time = rows["time"].to_numpy()
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(time)) + 1])
+        for start, stop in zip(starts, [*starts[1:], len(time)], strict=True):
+            body = "\n".join(lines[start:stop])
+            file.write(f'    <timestep time="{time[start]:.3f}">\n{body}\n    </timestep>\n'.encode())
+    file.write(b"</fcd-export>\n")
 
 
 def _fcd_lines(rows: pa.Table, road: Road, edge: str) -> pa.Array:

@@ -23,8 +23,10 @@ from hj_cosim.analysis.plan_path import tracking_of
 from hj_cosim.analysis.replay_data import replay_data
 from hj_cosim.errors import RunFolderError
 from hj_cosim.files import temporary_folder, whole_file
+from hj_cosim.metrics.catalogue import FACTS, METRICS
 from hj_cosim.reachability.table.table import ValueTable
-from hj_cosim.recording.run_folder import ROBOT, Run, read_run
+from hj_cosim.recording.run_folder import ROBOT, Run, read_run, require_not_own_file
+from hj_cosim.recording.study_files import COMPARISON, STUDY, TABLE, study_progress
 
 REPORT = "report.html"
 RUN_FIGURES = {
@@ -62,11 +64,12 @@ def write_report(
     if (folder / ROBOT).exists():
         run = read_run(folder)
         page = run_page(run, table or table_of(run), report)
-    elif (folder / "table.csv").exists():
+    elif (folder / TABLE).exists() or (folder / STUDY).exists():
         page = study_page(folder, report)
     else:
         raise RunFolderError(f"{folder} holds neither a run nor a study; give the folder that one of them wrote")
     target = out or folder / REPORT
+    require_not_own_file(target)
     with whole_file(target) as temporary:
         temporary.write_text(page, encoding="utf-8")
     return target
@@ -77,7 +80,9 @@ def run_page(run: Run, table: ValueTable, progress: Progress) -> str:
     summary = run.summary
     title = f"{summary['scenario']}, {summary['planner']} + {summary['filter']}, seed {summary['seed']}"
     pairs = "".join(
-        f"<div><span>{escape(key)}</span> <b>{escape(_shown(value))}</b></div>" for key, value in summary.items()
+        f'<div title="{escape(_meaning(key))}"><span>{escape(_label(key))}</span>'
+        f" <b>{escape(_value(key, value))}</b></div>"
+        for key, value in summary.items()
     )
     figures = []
     for done, (name, caption) in enumerate(RUN_FIGURES.items(), start=1):
@@ -100,7 +105,16 @@ def run_page(run: Run, table: ValueTable, progress: Progress) -> str:
 
 def study_page(folder: Path, progress: Progress) -> str:
     """Return the HTML of a study's report."""
-    table = read_study_table(folder / "table.csv", TEXT_COLUMNS)
+    state = study_progress(folder) if (folder / STUDY).exists() else None
+    unfinished = (
+        f"<p>The study is unfinished: {state.text} are there, and"
+        f" <code>hj-cosim study --resume --out {escape(str(folder))}</code> goes on with it.</p>"
+        if state is not None and state.is_unfinished
+        else ""
+    )
+    if not (folder / TABLE).exists():
+        return _page(f"Study {folder.name}", [unfinished])
+    table = read_study_table(folder / TABLE, TEXT_COLUMNS)
     figures = {"trade-off": "Safety over performance in windows of ten seconds."}
     if table.scenario.nunique() > 1:
         figures["density-sweep"] = "What denser traffic does."
@@ -110,15 +124,13 @@ def study_page(folder: Path, progress: Progress) -> str:
         progress(done, len(figures))
     missing = int(table["missing"].sum()) if "missing" in table else 0
     parts = [
+        unfinished,
         "<h2>Table</h2><p class='note'>Each metric with its 95 % bootstrap interval over episodes.</p>",
         _intervals_table(table),
         f"<p>{missing} episodes are missing: they failed.</p>" if missing else "",
     ]
-    if (folder / "comparison.csv").exists():
-        parts += [
-            "<h2>Beside the paper</h2>",
-            _intervals_table(read_study_table(folder / "comparison.csv", STACK_COLUMNS)),
-        ]
+    if (folder / COMPARISON).exists() and len(comparison := read_study_table(folder / COMPARISON, STACK_COLUMNS)):
+        parts += ["<h2>Beside the paper</h2>", _intervals_table(comparison)]
     return _page(f"Study {folder.name}", [*parts, "<h2>Figures</h2>", *drawn])
 
 
@@ -155,6 +167,22 @@ def _toml(config: Mapping[str, Any]) -> str:
     return tomli_w.dumps(config)
 
 
+def _label(key: str) -> str:
+    """Return how a key of a summary is called; its own name if it is no metric of ours."""
+    return METRICS[key].label_with_unit if key in METRICS else key
+
+
+def _meaning(key: str) -> str:
+    return METRICS[key].explanation if key in METRICS else next((f.explanation for f in FACTS if f.name == key), "")
+
+
+def _value(key: str, value: Any) -> str:
+    """Return a value as its metric is shown; a run from elsewhere may hold anything under a metric's name."""
+    if key in METRICS and isinstance(value, int | float):
+        return METRICS[key].text(value)
+    return _shown(value)
+
+
 def _shown(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}" if math.isfinite(value) else "–"
@@ -168,9 +196,11 @@ def _intervals_table(table: pd.DataFrame) -> str:
     columns: dict[str, list[str]] = {name: [_shown(value) for value in table[name]] for name in own}
     for metric in metrics:
         bounds = zip(table[metric], table[f"{metric}_lo"], table[f"{metric}_hi"], strict=True)
-        columns[metric] = [f"{_shown(value)} [{_shown(low)}, {_shown(high)}]" for value, low, high in bounds]
+        columns[_label(metric)] = [
+            f"{_value(metric, value)} [{_value(metric, low)}, {_value(metric, high)}]" for value, low, high in bounds
+        ]
         if f"{metric}_paper" in table:
-            columns[f"{metric} (paper)"] = [_shown(value) for value in table[f"{metric}_paper"]]
+            columns[f"{_label(metric)}, paper"] = [_value(metric, value) for value in table[f"{metric}_paper"]]
     return _html_table(list(columns), zip(*columns.values(), strict=True))
 
 

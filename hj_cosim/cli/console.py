@@ -4,49 +4,25 @@ import json
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
+from rich.cells import cell_len
 from rich.console import Console
+from rich.markup import escape
+from rich.padding import Padding
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
+
+from hj_cosim.metrics.catalogue import shown_in_run
 
 # Results go to standard output, everything for people's eyes only to standard error, so that --json can be piped.
 messages = Console(stderr=True)
 results = Console()
 
-# What a summary shows, in this order: key, what it is, unit, format.
-_SUMMARY_ROWS = (
-    ("ended", "ended by", "", "s"),
-    ("mean_speed", "mean speed", "m/s", ".2f"),
-    ("distance", "distance", "m", ".0f"),
-    ("lane_changes", "lane changes", "", "d"),
-    ("collisions", "collisions", "", "d"),
-    ("min_gap", "smallest gap to any car", "m", ".2f"),
-    ("ttc_ge_3", "share of samples with TTC >= 3 s", "", ".4f"),
-    ("ttc_p10", "TTC, 10th percentile", "s", ".2f"),
-    ("ttc_p1", "TTC, 1st percentile", "s", ".2f"),
-    ("btn_le_1", "share of samples with BTN <= 1", "", ".4f"),
-    ("btn_p90", "BTN, 90th percentile", "", ".3f"),
-    ("stn_le_1", "share of samples with STN <= 1", "", ".4f"),
-    ("stn_p90", "STN, 90th percentile", "", ".3f"),
-    ("mean_abs_acceleration", "mean |a|", "m/s²", ".3f"),
-    ("intervention_percent", "filter intervened", "%", ".1f"),
-    ("promise_kept_percent", "filter kept its promise", "%", ".2f"),
-    ("promise_samples", "samples with a promise", "", "d"),
-    ("not_judged_samples", "samples that the filter could not judge", "", "d"),
-    ("desired_not_finite_samples", "samples with no finite control to filter", "", "d"),
-    ("solver_failures", "failures of the filter's solver, answered by another", "", "d"),
-    ("escape_samples", "samples driven by a manoeuvre that escapes", "", "d"),
-    ("no_escape_samples", "samples with no escape from the worst of all cars", "", "d"),
-    ("wall_seconds", "wall time", "s", ".2f"),
-    ("real_time_factor", "faster than real time", "x", ".1f"),
-)
-# What should not happen is shown only where it did.
-_FAULTS = (
-    *("not_judged_samples", "desired_not_finite_samples", "solver_failures"),
-    *("escape_samples", "no_escape_samples"),
-)
+_NARROWEST_TEXT = 24  # columns that a table's last, longest text needs to be read
 
 
 class WarningCount(logging.Handler):
@@ -62,7 +38,7 @@ class WarningCount(logging.Handler):
 
 
 def progress_bars() -> Progress:
-    """Return bars with the time left, on standard error."""
+    """Return bars with the time left, on standard error; nothing where that is no terminal."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -71,6 +47,7 @@ def progress_bars() -> Progress:
         TextColumn("left"),
         TimeRemainingColumn(),
         console=messages,
+        disable=not messages.is_terminal,
     )
 
 
@@ -99,24 +76,74 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def summary_table(summary: Mapping[str, Any]) -> Table:
-    """Return a run's summary as a table to read."""
+def summary_table(summary: Mapping[str, Any], timing: Mapping[str, float]) -> Table:
+    """Return a run's summary as a table to read; which metrics, and how, their declarations say."""
     stack = summary["planner"] if summary["filter"] == "none" else f"{summary['planner']} + {summary['filter']}"
     scheme = "" if summary["filter"] == "none" else f" ({summary['scheme']})"
-    table = Table(title=f"{summary['scenario']}, seed {summary['seed']}: {stack}{scheme}, {summary['duration']:g} s")
+    title = f"{summary['scenario']}, seed {summary['seed']}: {stack}{scheme}, {summary['duration']:g} s"
+    table = Table(title=escape(title))
     table.add_column("what")
-    table.add_column("value", justify="right")
-    table.add_column("unit")
-    for key, what, unit, form in _SUMMARY_ROWS:
-        if key in summary and (summary[key] or key not in _FAULTS):
-            value = summary[key]
-            table.add_row(what, "–" if value is None else format(value, form), unit)
+    table.add_column("value", justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    table.add_row("ended by", escape(str(summary["ended"])), "")
+    for metric in shown_in_run():
+        value = summary.get(metric.name)
+        if metric.name in summary and (value or metric.shown != "where it happened"):
+            table.add_row(metric.label, metric.text(value), metric.unit)
+    table.add_row("wall time", f"{timing['wall_seconds']:.2f}", "s")
+    table.add_row("faster than real time", f"{timing['real_time_factor']:.1f}", "x")
     return table
+
+
+def show_rows(title: str, rows: Sequence[Mapping[str, Any]], as_json: bool = False) -> None:
+    """Print rows of the same keys as a table, or one below the other where the terminal is too narrow for that.
+
+    Args:
+        title: of the table.
+        rows: what each column holds, the name first and the longest text last.
+        as_json: print them as JSON instead.
+    """
+    if as_json:
+        print_json(rows)
+        return
+    columns = list(rows[0])
+    cells = [[_cell(row[column]) for column in columns] for row in rows]
+    widths = [
+        max(cell_len(text) for text in (column, *own))
+        for column, own in zip(columns, zip(*cells, strict=True), strict=True)
+    ]
+    if sum(widths[:-1]) + 2 * len(columns) + min(widths[-1], _NARROWEST_TEXT) <= results.width:
+        results.print(plain_table(title, columns, [list(row.values()) for row in rows]))
+        return
+    results.print(f"{title}\n", style="bold", markup=False)
+    for row in cells:
+        results.print(Text(row[0], style="bold"), overflow="fold")
+        for column, text in zip(columns[1:], row[1:], strict=True):
+            if text:
+                results.print(Padding(Text(f"{column.replace('_', ' ')}: {text}", overflow="fold"), (0, 0, 0, 4)))
+
+
+def _cell(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def show_files(paths: Sequence[Path], as_json: bool) -> None:
+    """Print which files were written."""
+    if as_json:
+        print_json([{"file": str(path), "bytes": path.stat().st_size} for path in paths])
+        return
+    for path in paths:
+        results.print(f"wrote [bold]{escape(str(path))}[/bold] ({path.stat().st_size / 1e6:.2f} MB)", soft_wrap=True)
+
+
+def show_place(folder: Path | None) -> None:
+    """Print where everything is."""
+    results.print(f"Everything is in [bold]{escape(str(folder))}[/bold]", soft_wrap=True)
 
 
 def plain_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> Table:
     """Return a table of texts and numbers; numbers stand to the right, the last column takes the room that is left."""
-    table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), expand=True)
+    table = Table(title=escape(title), box=SIMPLE_HEAD, padding=(0, 1, 0, 0), expand=True)
     for index, column in enumerate(columns):
         numeric = bool(rows) and all(isinstance(row[index], int | float) for row in rows)
         heading = column.replace("_", " ")
@@ -126,52 +153,5 @@ def plain_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[obje
             last = index == len(columns) - 1
             table.add_column(heading, overflow="fold", ratio=1 if last else None, no_wrap=not last)
     for row in rows:
-        table.add_row(*(f"{cell:g}" if isinstance(cell, float) else str(cell) for cell in row))
+        table.add_row(*(escape(_cell(cell)) for cell in row))
     return table
-
-
-# The columns of the paper's table: key, heading, format.
-_STUDY_COLUMNS = (
-    ("ttc_ge_3", "TTC>=3", ".3f"),
-    ("ttc_p10", "TTC p10", ".1f"),
-    ("btn_le_1", "BTN<=1", ".3f"),
-    ("stn_le_1", "STN<=1", ".3f"),
-    ("mean_speed", "m/s", ".2f"),
-    ("mean_abs_acceleration", "|a|", ".2f"),
-    ("intervention_percent", "interv.", ".1f"),
-)
-_WIDE = 110  # columns of a terminal in which the intervals have room
-
-
-def show_study(study: Any) -> None:
-    """Print a study's table: ours, its 95 % interval where the terminal is wide enough, and the paper's number.
-
-    Args:
-        study: a `study.study.Study`.
-    """
-    wide = results.width >= _WIDE
-    factors = list(study.table.columns[: study.table.columns.get_loc("episodes")])
-    paper = {tuple(row[name] for name in factors): row for row in study.comparison.to_dict("records")}
-    legend = "ours, its 95 % interval over episodes, the paper's" if wide else "ours, and the paper's below"
-    table = Table(title=legend, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("scenario and stack", overflow="fold")
-    for heading in [*(heading for _, heading, _ in _STUDY_COLUMNS), "crashed"]:
-        table.add_column(heading, justify="right")
-    for row in study.table.to_dict("records"):
-        row_factors = tuple(row[name] for name in factors)
-        cells = [_study_cell(row, paper.get(row_factors), key, form, wide) for key, _, form in _STUDY_COLUMNS]
-        crashed = f"{row['collision_episodes']:.0f} of {row['episodes']}"
-        table.add_row(" ".join(map(str, row_factors)), *cells, crashed)
-    results.print(table)
-    for failure in study.failures:
-        messages.print(f"missing: {failure.stack}, seed {failure.seed}: {failure.reason} (log: {failure.log})")
-    results.print(f"Everything is in [bold]{study.folder}[/bold]")
-
-
-def _study_cell(ours: Mapping[str, Any], paper: Mapping[str, Any] | None, key: str, form: str, wide: bool) -> str:
-    lines = [f"{ours[key]:{form}}"]
-    if wide:
-        lines.append(f"{ours[f'{key}_lo']:{form}}–{ours[f'{key}_hi']:{form}}")
-    if paper is not None:
-        lines.append(f"[dim]{paper[f'{key}_paper']:{form}}[/dim]")
-    return "\n".join(lines)

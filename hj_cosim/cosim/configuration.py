@@ -1,6 +1,7 @@
 """What an episode runs with, resolved: defaults < preset < scenario file < flags < --set."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import tomli_w
@@ -8,14 +9,23 @@ import tomli_w
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import scenarios_folder
 from hj_cosim.plugins import FILTER, PLANNER, find_plugin, options_of, whole_reference
-from hj_cosim.settings import PRESETS, DriverSettings, EpisodeConfig, overlay, parse_assignment, shown, validate
+from hj_cosim.settings import (
+    PRESETS,
+    DriverSettings,
+    EpisodeConfig,
+    Scenario,
+    overlay,
+    parse_assignment,
+    shown,
+    validate,
+)
 from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.sources.placement import initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path, scenario_data, scenario_path
 
 
 def resolve_config(
-    scenario: str = "paper",
+    scenario: str | Path | Scenario = "paper",
     *,
     preset: str = "best",
     flags: Mapping[str, Any] | None = None,
@@ -24,8 +34,9 @@ def resolve_config(
     """Return the configuration of one episode.
 
     Args:
-        scenario: a name in sumo_net/ or a path to a scenario TOML.
-        preset: `best` or `paper`.
+        scenario: a name in sumo_net/, a path to a scenario TOML, or a Scenario; of the latter, what was left to its
+            default is the preset's.
+        preset: `best` or `paper`; a layer that names one (`--set preset=paper`) wins over it.
         flags: nested values, as the command line's options give them; they win over the scenario.
         assignments: texts `KEY=VALUE`, as `--set` takes them; they win over everything, the last over the first.
 
@@ -36,15 +47,20 @@ def resolve_config(
     """
     if preset not in PRESETS:
         raise ConfigurationError(f"no preset is called {preset!r}; choose one of {', '.join(PRESETS)}")
+    layers = [("the command line", flags or {})]
+    layers += [(f"--set {shown(assignment)}", parse_assignment(assignment)) for assignment in assignments]
+    for _, layer in layers:
+        named = layer.get("preset")
+        if isinstance(named, str) and named in PRESETS:  # any other value is refused below, with its layer's name
+            preset = named
+    source, given, folder = _given_scenario(scenario)
     # The drivers' defaults are laid out in full, so that a layer may name a distribution's deviation alone.
     data: dict[str, Any] = {"preset": preset, "scenario": {"drivers": DriverSettings().model_dump()}}
     data = overlay(data, PRESETS[preset])
-    data = overlay(data, {"scenario": scenario_data(scenario)})
+    data = overlay(data, {"scenario": given})
     # Each layer is checked before the next is laid over it, so that each is named for its own mistakes.
-    config = validate(EpisodeConfig, data, str(scenario_path(scenario)), table="scenario")
-    data = overlay(data, {"scenario": {"network": {"file": _network_file(config, scenario)}}})
-    layers = [("the command line", flags or {})]
-    layers += [(f"--set {shown(assignment)}", parse_assignment(assignment)) for assignment in assignments]
+    config = validate(EpisodeConfig, data, source, table="scenario")
+    data = overlay(data, {"scenario": {"network": {"file": _network_file(config, folder)}}})
     for source, layer in layers:
         data = overlay(data, layer)
         config = validate(EpisodeConfig, data, source)
@@ -100,10 +116,26 @@ def stack_flags(
     return given | {key: value for key, value in top.items() if value is not None}
 
 
-def _network_file(config: EpisodeConfig, scenario: str) -> str:
+def _given_scenario(scenario: str | Path | Scenario) -> tuple[str, dict[str, Any], Path | None]:
+    """Return how a scenario is called in messages, what it states, and the folder of its file, if it has one.
+
+    Raises:
+        ConfigurationError: if it is none, or there is no such file, or it is not TOML.
+    """
+    if isinstance(scenario, Scenario):
+        return f"the Scenario {shown(repr(scenario.name))}", scenario.model_dump(exclude_unset=True), None
+    if not isinstance(scenario, str | Path):
+        raise ConfigurationError(
+            f"a scenario is a name in sumo_net/, a path to a TOML file or a Scenario, not a {type(scenario).__name__}"
+        )
+    path = scenario_path(str(scenario))
+    return str(path), scenario_data(str(scenario)), path.parent
+
+
+def _network_file(config: EpisodeConfig, folder: Path | None) -> str:
     """Return the network as sumo_net/ names it, or the whole path of one that lies beside a user's own scenario."""
     network = config.scenario.network
-    path = network_path(network, scenario_path(scenario).parent)
+    path = network_path(network, folder)
     return network.file if path.parent == scenarios_folder() else str(path)
 
 

@@ -3,7 +3,7 @@
 import itertools
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,8 @@ from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.errors import DriveEnded, SimulationError
 from hj_cosim.files import file_name
 from hj_cosim.locations import runs_folder
-from hj_cosim.metrics.summary import summarize
+from hj_cosim.metrics.catalogue import require_declared
+from hj_cosim.metrics.summary import summarize, timing
 from hj_cosim.metrics.threats import collides
 from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.contract import IDLE, Plan, Planner
@@ -30,9 +31,9 @@ from hj_cosim.reachability.table.cars import car_values
 from hj_cosim.reachability.table.store import load_table, require_robot
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import COLLISION, DURATION, RunRecord
-from hj_cosim.recording.run_folder import FIGURES, read_run, require_free_folder, write_run
+from hj_cosim.recording.run_folder import Keep, require_free_folder, write_run
 from hj_cosim.scene.observation import FARTHEST, Observation, Target, is_possible
-from hj_cosim.settings import EpisodeConfig
+from hj_cosim.settings import EpisodeConfig, Scenario
 from hj_cosim.traffic.contract import World
 from hj_cosim.traffic.sumo.world import SumoWorld
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
@@ -49,6 +50,18 @@ class Episode:
     record: RunRecord
     summary: Mapping[str, Any]
     drivers: np.ndarray  # (J, 6) the background drivers' IDM parameters, in the order of vehicles.idm
+    timing: Mapping[str, float]  # what depends on the machine
+    folder: Path | None = None  # the run's folder, where it was written
+
+
+@dataclass(frozen=True)
+class EpisodeProgress:
+    """Who is told how far an episode is; each is called with what is done and what there is in all."""
+
+    driving: Progress | None = None  # samples, once a plan
+    solving: Progress | None = None  # steps of the value table's solve, if it has to be solved
+    drawing: Progress | None = None  # pictures
+    announce: Callable[[str], None] | None = None  # in one sentence, what is solved before it is
 
 
 @dataclass(frozen=True)
@@ -182,9 +195,9 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
         audit = PromiseAudit(table.arrays, promises=isinstance(safety_filter, SafetyPreservingFilter))
         driven = drive(world, planner, safety_filter, table, config, audit, progress)
-    summary = summarize(driven.record, config, time.perf_counter() - started)
-    summary |= audit.summary() | fallback_summary(driven.diagnostics)
-    return Episode(config, driven.record, summary, world.drivers)
+    wall_seconds = time.perf_counter() - started
+    summary = summarize(driven.record, config, audit.summary() | fallback_summary(driven.diagnostics))
+    return Episode(config, driven.record, summary, world.drivers, timing(summary, wall_seconds))
 
 
 def fallback_summary(diagnostics: Mapping[str, float]) -> dict[str, float]:
@@ -209,67 +222,59 @@ def new_run_folder(config: EpisodeConfig) -> Path:
     return next(folder for folder in folders if not folder.exists())
 
 
-def write_episode(episode: Episode, folder: Path) -> None:
-    """Write an episode's run folder (SPEC section 2), all of it or nothing.
+def write_episode(episode: Episode, folder: Path, keep: Keep = "all") -> None:
+    """Write an episode's run folder, all of it or nothing.
+
+    Args:
+        episode: what was driven.
+        folder: must not exist yet, or be empty.
+        keep: as `recording.run_folder.write_run` takes it.
 
     Raises:
+        MetricError: if the summary has a metric that is not declared.
         RunFolderError: if `folder` already holds something, or cannot be written.
     """
-    write_run(folder, episode.record, config_toml(episode.config), episode.summary, episode.drivers)
-
-
-def draw_episode(folder: Path) -> list[Path]:
-    """Draw a run's pictures into its folder: the drive from above, and its time line.
-
-    Returns:
-        The files written.
-
-    Raises:
-        RunFolderError: if `folder` holds no run.
-    """
-    # Matplotlib costs more to import than an episode to drive: only who draws pays for it.
-    from hj_cosim.analysis.figures.snapshots import snapshots
-    from hj_cosim.analysis.figures.style import save_drawing
-    from hj_cosim.analysis.figures.timeline import timeline
-
-    run = read_run(folder)
-    figures = folder / FIGURES
-    drawings = {"snapshots.png": snapshots(run), "timeline.png": timeline(run)}
-    return [path for name, drawing in drawings.items() for path in save_drawing(drawing, figures / name)]
+    require_declared(episode.summary)
+    config_text = config_toml(episode.config)
+    write_run(folder, episode.record, config_text, episode.summary, episode.drivers, keep, episode.timing)
 
 
 def run_episode(
-    scenario: str = "paper",
+    scenario: str | Path | Scenario = "paper",
     *,
     planner: str | type | Planner | None = None,
     filter: str | type | SafetyFilter | None = None,
     scheme: str | None = None,
     preset: str = "best",
-    seed: int = 0,
+    seed: int | None = None,
     duration: float | None = None,
     table: str | None = None,
     settings: Sequence[str] = (),
-    out: Path | str | None = None,
-    progress: Progress | None = None,
+    out: Path | str | Callable[[EpisodeConfig], Path] | None = None,
+    figures: bool = True,
+    progress: Progress | EpisodeProgress | None = None,
 ) -> Episode:
-    """Drive one episode in SUMO, as `hj-cosim run` does.
+    """Drive one episode in SUMO; this is what `hj-cosim run` does.
 
     Args:
-        scenario: a name in sumo_net/ or a path to a scenario TOML.
+        scenario: a name in sumo_net/, a path to a scenario TOML, or a Scenario.
         planner: hjop, op, idle, or one of one's own (planning/contract.py): `FILE.py:Class`, `package.module:Class`, a
             class, or an object of one, which is used as it is; hjop unless given.
         filter: spc, rss, none, or one of one's own (control/contract.py), likewise; spc unless given.
         scheme: mi or sw, of the filters spc and rss.
         preset: best or paper.
-        seed: of the traffic.
+        seed: of the traffic; the scenario's unless given.
         duration: recorded time, s.
         table: a name in value_tables/ or a path to a specification; solved first if it has not been.
         settings: any other knobs, as texts KEY=VALUE, for example `planner.gamma_r=0.8`.
-        out: the run folder to write; nothing is written unless given.
-        progress: called with the samples driven and the samples in all, once a plan.
+        out: the run folder to write, or a function that names one, such as `new_run_folder`; nothing is written unless
+            given.
+        figures: whether a run folder's pictures are drawn, which takes longer than the drive.
+        progress: called with the samples driven and the samples in all, once a plan; an EpisodeProgress is told of
+            solving and drawing, too.
 
     Returns:
-        The configuration, the record (arrays, SI units, road frame) and the summary.
+        The configuration, the record (arrays, SI units, road frame), the summary and the folder.
 
     Raises:
         HjCosimError: one sentence on what is wrong and what would be right.
@@ -278,10 +283,18 @@ def run_episode(
     filter = filter if filter is None or isinstance(filter, str) else given(FILTER, filter)
     flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
-    if out is not None:
-        require_free_folder(Path(out))
-    episode = run_in_sumo(config, load_table(config.table, robot=config.robot), progress)
-    if out is not None:
-        write_episode(episode, Path(out))
-        draw_episode(Path(out))
-    return episode
+    tell = progress if isinstance(progress, EpisodeProgress) else EpisodeProgress(progress)
+    folder = out(config) if callable(out) else None if out is None else Path(out)
+    if folder is not None:
+        require_free_folder(folder)
+    value_table = load_table(config.table, tell.solving, robot=config.robot, announce=tell.announce)
+    episode = run_in_sumo(config, value_table, tell.driving)
+    if folder is None:
+        return episode
+    write_episode(episode, folder)
+    if figures:
+        # Matplotlib costs more to import than an episode to drive: only who draws pays for it.
+        from hj_cosim.analysis.run_figures import draw_run
+
+        draw_run(folder, tell.drawing)
+    return replace(episode, folder=folder)

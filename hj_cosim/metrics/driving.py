@@ -1,63 +1,62 @@
-"""What practitioners ask of a drive beyond the paper: headway, DRAC, comfort, and what it did to the others."""
+"""How the robot drove among the others: headway, DRAC, RSS distances, V, and what it made the others do."""
 
 import math
 
 import numpy as np
 from numba import njit
 
+from hj_cosim.metrics.jerk_and_turning import step_of
+from hj_cosim.metrics.threats import SAFE_TTC
 from hj_cosim.recording.record import RunRecord
-from hj_cosim.settings import RssParameters
+from hj_cosim.settings import FilterSettings
 from hj_cosim.vehicles.rss import lateral_distance, longitudinal_distance
 
-HARD_BRAKE = -4.0  # m/s², what counts as a hard brake of another car
+HARD_BRAKE = -4.5  # m/s², what counts as a hard brake of another car
 SLOWEST_HEADWAY = 1.0  # m/s, below this speed a time headway says nothing
 
 
-def driving_metrics(record: RunRecord, rss: RssParameters) -> dict[str, float]:
-    """Return the metrics beyond the paper's, as further keys of summary.json.
-
-    - headway_p10, headway_min: s, bumper gap to the leader over the robot's speed (IDM's T); inf without a leader.
-    - drac_p90, drac_max: m/s², the deceleration that avoids the crash, dv²/(2 gap), over the cars ahead.
-    - min_gap_ahead: m, smallest bumper gap to the leader.
-    - mean_abs_jerk, max_abs_jerk: m/s³, of the robot's acceleration from sample to sample.
-    - mean_abs_lateral_acceleration, max_abs_lateral_acceleration: m/s², v ω.
-    - hard_brakes_imposed: how often a car that followed the robot braked harder than 4 m/s².
-    - time_value_le_0: s with V <= 0.
-    - rss_violation_percent: % of samples with a car nearer than both RSS distances.
+def driving_metrics(record: RunRecord, settings: FilterSettings) -> dict[str, float]:
+    """Return the metrics of the robot's driving among the others, by their names in `metrics.catalogue`.
 
     The leader is the nearest car ahead whose lateral extent overlaps the robot's; percentiles are samples.
 
     Args:
         record: the run.
-        rss: whose distances count as violated.
+        settings: of the filter: whose RSS distances count as violated, and from which ε a fall of V counts.
     """
-    robot, traffic, time = record.robot, record.traffic, record.time
-    step = float(time[1] - time[0]) if len(time) > 1 else 0.0
+    robot, traffic = record.robot, record.traffic
     states = np.column_stack([robot.x, robot.y, robot.heading, robot.speed])
     body = np.array([record.robot_length, record.robot_width])
     where = (traffic.present, traffic.x, traffic.y)
     sizes = (traffic.length, traffic.width)
-    parameters = np.array(list(rss.model_dump().values()))
+    parameters = np.array(list(settings.rss.model_dump().values()))
     gap, drac = _following(states, body, *where, traffic.speed, *sizes)
     violated = _rss_violations(states, body, *where, traffic.heading, traffic.speed, *sizes, parameters)
     imposed = _hard_brakes_behind(states, body, *where, traffic.acceleration, *sizes)
     headway = np.where(robot.speed > SLOWEST_HEADWAY, gap / np.maximum(robot.speed, SLOWEST_HEADWAY), math.inf)
-    jerk = np.abs(np.diff(robot.acceleration)) / step if len(time) > 1 else np.zeros(1)
-    lateral = np.abs(robot.speed * robot.omega)
     return {
+        "ttc_2d_ge_3": float(np.mean(record.threats.ttc_2d >= SAFE_TTC)),
         "headway_p10": float(np.percentile(headway, 10, method="lower")),
         "headway_min": float(headway.min()),
         "drac_p90": float(np.percentile(drac, 90, method="higher")),
         "drac_max": float(drac.max()),
         "min_gap_ahead": float(gap.min()),
-        "mean_abs_jerk": float(jerk.mean()),
-        "max_abs_jerk": float(jerk.max()),
-        "mean_abs_lateral_acceleration": float(lateral.mean()),
-        "max_abs_lateral_acceleration": float(lateral.max()),
         "hard_brakes_imposed": int(imposed),
-        "time_value_le_0": round(step * int(np.count_nonzero(robot.value <= 0.0)), 9),
+        "time_value_le_0": round(step_of(record) * int(np.count_nonzero(robot.value <= 0.0)), 9),
+        "value_fall": max(settings.epsilon - float(robot.value.min()), 0.0),
         "rss_violation_percent": 100.0 * float(violated.mean()),
+        "off_road_samples": int(np.count_nonzero(_beyond_the_edge(record))),
     }
+
+
+def _beyond_the_edge(record: RunRecord) -> np.ndarray:
+    """Return (T,) bool, whether any corner of the robot's body is outside the outermost lanes."""
+    robot, road = record.robot, record.road
+    reach = 0.5 * (
+        record.robot_length * np.abs(np.sin(robot.heading)) + record.robot_width * np.abs(np.cos(robot.heading))
+    )
+    lines = np.array([road.lane_lines(along)[[0, -1]] for along in robot.x.tolist()])
+    return np.asarray((robot.y - reach < lines[:, 0]) | (robot.y + reach > lines[:, 1]))
 
 
 # Plain loops, as in metrics: a pair is dismissed by one comparison.

@@ -1,4 +1,4 @@
-"""Oriented rectangles, the bodies of cars: how far apart they are, and whether they overlap."""
+"""Oriented rectangles, the bodies of cars: how far apart they are, whether they overlap, and when they will."""
 
 import math
 
@@ -72,3 +72,56 @@ def rectangle_distance(
         _nearest_corner(dx, dy, heading_a, 0.5 * length_a, 0.5 * width_a, heading_b, 0.5 * length_b, 0.5 * width_b),
         _nearest_corner(-dx, -dy, heading_b, 0.5 * length_b, 0.5 * width_b, heading_a, 0.5 * length_a, 0.5 * width_a),
     )
+
+
+@njit(cache=True)
+def time_to_overlap(
+    dx: float,
+    dy: float,
+    dvx: float,
+    dvy: float,
+    heading_a: float,
+    length_a: float,
+    width_a: float,
+    heading_b: float,
+    length_b: float,
+    width_b: float,
+) -> float:
+    """Return the time until two rectangles that move at constant velocity overlap, s; 0 where they do, inf if never.
+
+    By the separating axis theorem they overlap while their projections do on each of their four axes, and on an axis
+    that is an interval of time: the latest of the four beginnings counts, if it is before the earliest end.
+
+    Args:
+        dx, dy: centre of b minus centre of a, m.
+        dvx, dvy: velocity of b minus velocity of a, m/s; neither turns.
+        heading_a, heading_b: rad.
+        length_a, width_a, length_b, width_b: m.
+    """
+    cos_a, sin_a = math.cos(heading_a), math.sin(heading_a)
+    cos_b, sin_b = math.cos(heading_b), math.sin(heading_b)
+    cos_ab = abs(cos_a * cos_b + sin_a * sin_b)
+    sin_ab = abs(cos_a * sin_b - sin_a * cos_b)
+    begins, ends = 0.0, math.inf
+    for axis in range(4):
+        if axis == 0:
+            cos, sin, reach = cos_a, sin_a, 0.5 * (length_a + length_b * cos_ab + width_b * sin_ab)
+        elif axis == 1:
+            cos, sin, reach = -sin_a, cos_a, 0.5 * (width_a + length_b * sin_ab + width_b * cos_ab)
+        elif axis == 2:
+            cos, sin, reach = cos_b, sin_b, 0.5 * (length_b + length_a * cos_ab + width_a * sin_ab)
+        else:
+            cos, sin, reach = -sin_b, cos_b, 0.5 * (width_b + length_a * sin_ab + width_a * cos_ab)
+        apart = dx * cos + dy * sin
+        speed = dvx * cos + dvy * sin
+        if speed == 0.0:
+            if abs(apart) >= reach:
+                return math.inf
+            continue
+        if speed < 0.0:
+            apart, speed = -apart, -speed
+        begins = max(begins, (-reach - apart) / speed)
+        ends = min(ends, (reach - apart) / speed)
+        if begins >= ends:
+            return math.inf
+    return begins

@@ -1,21 +1,26 @@
-"""summary.json: one number per question about a run (SPEC sections 2 and 3)."""
+"""summary.json: one number per question about a run, each of them declared in `metrics.catalogue`."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from hj_cosim.metrics.catalogue import METRICS, SUMMARY_KEYS, require_declared
+from hj_cosim.metrics.collisions import collision_metrics
+from hj_cosim.metrics.declaration import PercentileOfSamples
 from hj_cosim.metrics.driving import driving_metrics
+from hj_cosim.metrics.jerk_and_turning import jerk_and_turning
+from hj_cosim.metrics.threats import SAFE_TTC
 from hj_cosim.plugins import plugin_name
 from hj_cosim.recording.record import RunRecord
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import EpisodeConfig
 
-SAFE_TTC = 3.0  # s, the paper's boundary between safe and unsafe
 SETTLED_IN_LANE = 0.25  # of the lane's width: this near its centre line, the robot counts as being in the lane
 
 
-def summarize(record: RunRecord, config: EpisodeConfig, wall_seconds: float) -> dict[str, Any]:
-    """Return summary.json's content.
+def summarize(record: RunRecord, config: EpisodeConfig, counted: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Return summary.json's content, in the order of the declarations.
 
     Percentiles of samples are samples themselves (no interpolation: a TTC may be infinite), the more dangerous of
     the two neighbours. Values that are not finite stay so here and are written as null.
@@ -23,26 +28,24 @@ def summarize(record: RunRecord, config: EpisodeConfig, wall_seconds: float) -> 
     Args:
         record: the run, with at least one sample.
         config: what it was run with.
-        wall_seconds: what the episode took, s.
+        counted: further metrics, which were counted during the drive.
+
+    Raises:
+        MetricError: if `counted` has a metric that is not declared.
     """
     robot, threats = record.robot, record.threats
-    duration = round(len(record.time) * config.simulation.step, 9)
-    return {
+    found = {
         "planner": plugin_name(config.planner.kind),
         "filter": plugin_name(config.filter.kind),
         "scheme": config.filter.scheme,
         "seed": config.seed,
         "scenario": config.scenario.name,
-        "duration": duration,
+        "duration": round(len(record.time) * config.simulation.step, 9),
         "ended": record.ended,
         "samples": len(record.time),
         "ttc_ge_3": float(np.mean(threats.ttc >= SAFE_TTC)),
-        "ttc_p10": _percentile(threats.ttc, 10, "lower"),
-        "ttc_p1": _percentile(threats.ttc, 1, "lower"),
         "btn_le_1": float(np.mean(threats.btn <= 1.0)),
-        "btn_p90": _percentile(threats.btn, 90, "higher"),
         "stn_le_1": float(np.mean(threats.stn <= 1.0)),
-        "stn_p90": _percentile(threats.stn, 90, "higher"),
         "mean_speed": float(np.mean(robot.speed)),
         "mean_abs_acceleration": float(np.mean(np.abs(robot.acceleration))),
         "intervention_percent": 100.0 * float(np.mean(robot.intervening)),
@@ -50,14 +53,35 @@ def summarize(record: RunRecord, config: EpisodeConfig, wall_seconds: float) -> 
         "min_gap": float(np.min(threats.min_gap)),
         "distance": float(np.sum(np.hypot(np.diff(robot.x), np.diff(robot.y)))),
         "lane_changes": count_lane_changes(robot.x, robot.y, record.road),
-        "wall_seconds": wall_seconds,
-        "real_time_factor": duration / wall_seconds,
-        **driving_metrics(record, config.filter.rss),
+        **_percentiles(record),
+        **driving_metrics(record, config.filter),
+        **jerk_and_turning(record),
+        **collision_metrics(record, config.filter.rss),
+        **(counted or {}),
     }
+    require_declared(found)
+    return {key: found[key] for key in SUMMARY_KEYS if key in found}
 
 
-def _percentile(samples: np.ndarray, percent: float, method: Any) -> float:
-    return float(np.percentile(samples, percent, method=method))
+def timing(summary: Mapping[str, Any], wall_seconds: float) -> dict[str, float]:
+    """Return timing.json's content: what depends on the machine.
+
+    Args:
+        summary: of the run.
+        wall_seconds: what the drive took, s.
+    """
+    return {"wall_seconds": wall_seconds, "real_time_factor": summary["duration"] / wall_seconds}
+
+
+def _percentiles(record: RunRecord) -> dict[str, float]:
+    """Return the metrics that are declared as percentiles of a track."""
+    found = {}
+    for metric in METRICS.values():
+        pooling = metric.pooling
+        if isinstance(pooling, PercentileOfSamples):
+            samples = getattr(record.threats, pooling.column)
+            found[metric.name] = float(np.percentile(samples, pooling.percent, method=pooling.method))
+    return found
 
 
 def count_onsets(flag: np.ndarray) -> int:

@@ -1,4 +1,4 @@
-"""Threat metrics of SPEC section 3 at every sample: TTC, BTN and STN of the worst car ahead, gaps, collisions."""
+"""Threats at every sample: TTC, BTN and STN of the worst car ahead; 2D TTC, gap and collision with any car."""
 
 import math
 from typing import NamedTuple
@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from hj_cosim.metrics.rectangles import rectangle_distance, rectangles_overlap
+from hj_cosim.metrics.rectangles import rectangle_distance, rectangles_overlap, time_to_overlap
 from hj_cosim.recording.record import RobotTrack, ThreatTrack, TrafficTrack
 
+SAFE_TTC = 3.0  # s, the paper's boundary between safe and unsafe
 BRAKE_LIMIT = 5.0  # m/s², what BTN is relative to
 STEER_LIMIT = 2.5  # m/s², what STN is relative to
 
@@ -152,6 +153,47 @@ def _nearest_bodies(
 
 
 @njit(cache=True)
+def _smallest_times_to_overlap(
+    robot: np.ndarray,
+    robot_length: float,
+    robot_width: float,
+    present: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    heading: np.ndarray,
+    speed: np.ndarray,
+    length: np.ndarray,
+    width: np.ndarray,
+) -> np.ndarray:
+    """Return (T,) the time until the robot's body overlaps any car's, both at constant velocity, s; +inf if never."""
+    samples, cars = x.shape
+    smallest = np.full(samples, math.inf)
+    for t in range(samples):
+        angle = robot[t, 2]
+        robot_vx, robot_vy = robot[t, 3] * math.cos(angle), robot[t, 3] * math.sin(angle)
+        for j in range(cars):
+            if not present[t, j]:
+                continue
+            other = heading[t, j]
+            smallest[t] = min(
+                smallest[t],
+                time_to_overlap(
+                    x[t, j] - robot[t, 0],
+                    y[t, j] - robot[t, 1],
+                    speed[t, j] * math.cos(other) - robot_vx,
+                    speed[t, j] * math.sin(other) - robot_vy,
+                    angle,
+                    robot_length,
+                    robot_width,
+                    other,
+                    length[j],
+                    width[j],
+                ),
+            )
+    return smallest
+
+
+@njit(cache=True)
 def collides(
     robot: np.ndarray,
     robot_length: float,
@@ -186,10 +228,11 @@ def threat_track(
     brake_limit: float = BRAKE_LIMIT,
     steer_limit: float = STEER_LIMIT,
 ) -> ThreatTrack:
-    """Return the threat metrics of a run at every sample (SPEC section 3).
+    """Return the threat metrics of a run at every sample.
 
-    TTC, BTN and STN are over the cars whose centre is ahead of the robot's and whose lateral extent overlaps the
-    robot's, the worst of them; min_gap and collision are over all cars, by their oriented rectangles.
+    TTC, BTN and STN (Brännström et al. 2008) are over the cars whose centre is ahead of the robot's and whose lateral
+    extent overlaps the robot's, the worst of them; 2D TTC, min_gap and collision are over all cars, by their oriented
+    rectangles.
 
     Args:
         robot: T samples.
@@ -203,10 +246,14 @@ def threat_track(
         states, robot_length, robot_width, *cars, traffic.speed, traffic.acceleration, traffic.length, traffic.width
     )
     nearest, overlap = _nearest_bodies(states, robot_length, robot_width, *cars, traffic.length, traffic.width)
+    overlap_in = _smallest_times_to_overlap(
+        states, robot_length, robot_width, *cars, traffic.speed, traffic.length, traffic.width
+    )
     return ThreatTrack(
         ttc=worst[:, 0],
         btn=np.abs(worst[:, 1]) / brake_limit,
         stn=worst[:, 2] / steer_limit,
         min_gap=nearest,
         collision=overlap,
+        ttc_2d=overlap_in,
     )

@@ -104,13 +104,14 @@ class RobotTrack:
 
 @dataclass(frozen=True)
 class ThreatTrack:
-    """SPEC section 3's threat metrics at every sample; `analysis.metrics.threat_track` makes them."""
+    """The threats at every sample; `metrics.threats.threat_track` makes them."""
 
     ttc: np.ndarray  # (T,) s, +inf where no car ahead is being approached
     btn: np.ndarray  # (T,) brake threat number
     stn: np.ndarray  # (T,) steer threat number
     min_gap: np.ndarray  # (T,) m between the robot's body and the nearest car's, 0 where they overlap
     collision: np.ndarray  # (T,) bool, the bodies overlap
+    ttc_2d: np.ndarray  # (T,) s until the bodies overlap at constant velocity, +inf if never
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
-"""A run's folder: config.toml, trajectories.parquet, robot.parquet, drivers.parquet, summary.json and figures/.
+"""A run's folder: config.toml, trajectories, robot and drivers as Parquet, summary.json, timing.json and figures/.
 
 A folder appears whole or not at all, and the same record gives the same bytes: the order of the rows and the
-compression are fixed, and nothing that depends on the time or the machine is written into the Parquet files.
+compression are fixed, and what depends on the time or the machine is in timing.json alone.
 """
 
 import json
@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -36,8 +36,12 @@ CONFIG = "config.toml"
 TRAJECTORIES = "trajectories.parquet"
 ROBOT = "robot.parquet"
 SUMMARY = "summary.json"
+TIMING = "timing.json"
 DRIVERS = "drivers.parquet"
 FIGURES = "figures"
+OWN_FILES = (CONFIG, TRAJECTORIES, ROBOT, SUMMARY, TIMING, DRIVERS, FIGURES)
+
+Keep = Literal["all", "robot"]  # everything that a run folder holds, or all but the cars' trajectories
 
 ROWS_PER_GROUP = 1 << 17  # written and read at a time, so that a long drive of many cars needs little memory
 _TRAFFIC_FLOATS = ("x", "y", "heading", "speed", "acceleration")
@@ -77,6 +81,17 @@ def require_free_folder(folder: Path) -> None:
         raise RunFolderError(str(error)) from error
 
 
+def require_not_own_file(path: Path) -> None:
+    """Check that writing to `path` does not replace what a run recorded.
+
+    Raises:
+        RunFolderError: if it is one of the files of a run's folder.
+    """
+    place = path.resolve()
+    if place.name in OWN_FILES and any((place.parent / name).is_file() for name in (CONFIG, TRAJECTORIES)):
+        raise RunFolderError(f"{path} belongs to the run in {place.parent}; choose another name with --out")
+
+
 @contextmanager
 def whole_folder(folder: Path) -> Iterator[Path]:
     """Yield a temporary folder beside `folder`; it takes `folder`'s place when the block ends without an error.
@@ -100,6 +115,8 @@ def write_run(
     config_text: str,
     summary: Mapping[str, Any],
     drivers: np.ndarray | None = None,
+    keep: Keep = "all",
+    timing: Mapping[str, float] | None = None,
 ) -> None:
     """Write a run's folder, without its figures; all of it or nothing.
 
@@ -107,19 +124,24 @@ def write_run(
         folder: must not exist yet, or be empty.
         record: the run.
         config_text: the resolved configuration as TOML.
-        summary: as `analysis.summary.summarize` returns it.
+        summary: as `metrics.summary.summarize` returns it.
         drivers: (J, 6) IDM parameters of the cars, in the order of vehicles.idm; drivers.parquet unless None.
+        keep: `all`, or everything but trajectories.parquet, which is nearly all of the size (`robot`).
+        timing: as `metrics.summary.timing` returns it; timing.json unless None.
 
     Raises:
         RunFolderError: if `folder` already holds something, or cannot be written.
     """
     with whole_folder(folder) as temporary:
         (temporary / CONFIG).write_text(config_text, encoding="utf-8")
-        write_trajectories(temporary / TRAJECTORIES, record)
+        if keep == "all":
+            write_trajectories(temporary / TRAJECTORIES, record)
         _write_table(temporary / ROBOT, robot_table(record))
         if drivers is not None:
             _write_table(temporary / DRIVERS, driver_table(record.traffic.names, drivers))
         (temporary / SUMMARY).write_text(summary_text(summary), encoding="utf-8")
+        if timing is not None:
+            (temporary / TIMING).write_text(summary_text(timing), encoding="utf-8")
         (temporary / FIGURES).mkdir()
 
 
@@ -166,7 +188,7 @@ def _trajectory_table(record: RunRecord, start: int, stop: int) -> pa.Table:
 
 
 def robot_table(record: RunRecord) -> pa.Table:
-    """Return robot.parquet's table: a row per sample, the columns of SPEC section 2."""
+    """Return robot.parquet's table: a row per sample."""
     columns = {"time": numeric_column(record.time)}
     for field in fields(RobotTrack):
         columns[field.name] = numeric_column(getattr(record.robot, field.name))
@@ -255,6 +277,22 @@ def read_summary(path: Path) -> dict[str, Any]:
     return summary
 
 
+def read_timing(folder: Path) -> dict[str, float]:
+    """Return the content of a run's timing.json; nothing where there is none.
+
+    Raises:
+        RunFolderError: if it is broken.
+    """
+    path = folder / TIMING
+    if not path.exists():
+        return {}
+    try:
+        with path.open("rb") as file:
+            return {name: float(value) for name, value in json.loads(file.read(LARGEST_SUMMARY)).items()}
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError) as error:
+        raise RunFolderError(f"{path} is no timing of a run: {error}") from error
+
+
 def road_of(schema: pa.Schema) -> StraightRoad:
     """Return the road that trajectories.parquet carries in its metadata.
 
@@ -296,6 +334,9 @@ def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> Ru
         for name in (*_TRAFFIC_FLOATS, "lane"):
             getattr(traffic, name)[place] = columns[name][others]
     columns = {name: plain_column(robot, name) for name in robot.column_names if name != "value_vehicle"}
+    for field in (*fields(RobotTrack), *fields(ThreatTrack)):
+        if field.name not in robot.column_names:
+            raise ValueError(f"{ROBOT} has no column {field.name}")
     require_finite({name: columns[name] for name in _ROBOT_STATE})
     columns["value_vehicle"] = _vehicle_numbers(robot["value_vehicle"].combine_chunks())
     if columns["value_vehicle"].max(initial=0) >= max(len(names), 1):

@@ -3,11 +3,10 @@
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Protocol
 
+from hj_cosim.recording.run_folder import Keep
 from hj_cosim.settings import EpisodeConfig
-
-Keep = Literal["all", "robot"]
 
 
 @dataclass(frozen=True)
@@ -17,7 +16,7 @@ class EpisodeJob:
     config: EpisodeConfig
     table: Path  # the solved value table, an .npz
     folder: Path  # where the run folder appears when the episode is done
-    keep: Keep = "all"  # everything that a run folder holds, or all but the cars' trajectories
+    keep: Keep = "all"
 
 
 def table_key(config: EpisodeConfig) -> str:

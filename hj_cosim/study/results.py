@@ -10,8 +10,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from hj_cosim.errors import RunFolderError
-from hj_cosim.recording.run_folder import CONFIG, ROBOT, SUMMARY
-from hj_cosim.study.statistics import SAMPLE_COLUMNS, EpisodeResult
+from hj_cosim.metrics.catalogue import SAMPLE_COLUMNS
+from hj_cosim.recording.run_folder import CONFIG, ROBOT, SUMMARY, read_timing
+from hj_cosim.study.statistics import EpisodeResult
 
 WINDOW = 10.0  # s, over which the paper's trade-off figure takes its points
 
@@ -45,7 +46,8 @@ def read_result(folder: Path) -> tuple[EpisodeResult, list[dict[str, float]]]:
         table = pq.read_table(folder / ROBOT, columns=list(columns), use_threads=False)
         samples = {name: table[name].to_numpy() for name in columns}
         finite = {name: math.inf if value is None else value for name, value in summary.items()}
-        result = EpisodeResult(int(finite["seed"]), finite, {name: samples[name] for name in SAMPLE_COLUMNS})
+        of_threats = {name: samples[name] for name in SAMPLE_COLUMNS}
+        result = EpisodeResult(int(finite["seed"]), finite, of_threats, read_timing(folder))
     except (OSError, ValueError, KeyError, pa.ArrowException) as error:
         raise RunFolderError(f"{folder} holds no readable run ({error}); remove it and --resume the study") from error
     return result, windows(samples)

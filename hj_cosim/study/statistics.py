@@ -1,42 +1,19 @@
-"""The metrics of a row of the table, over all samples of all its episodes, and their bootstrap replicates.
+"""The metrics of a row of the table, over all its episodes, and their bootstrap replicates.
 
-The paper's fractions, percentiles and means are over samples. An episode's summary holds the fractions and means of
-its own samples, so that those of the row are the averages weighted by the number of samples; percentiles need the
-samples themselves.
+How the episodes of a row become one number is declared with each metric (`metrics.catalogue`). The paper's fractions
+and means are over samples: an episode's summary holds those of its own samples, so that those of the row are the
+averages weighted by the number of samples; percentiles need the samples themselves.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from hj_cosim.metrics.catalogue import METRICS, require_declared
+from hj_cosim.metrics.declaration import EpisodesWith, Metric, OverEpisodes, PercentileOfSamples, WeightedMean
 from hj_cosim.study.bootstrap import PooledPercentile, draw_weights, interval
-
-# Which percentile of which column of robot.parquet, and whether the larger neighbour is the more dangerous one.
-PERCENTILES: Mapping[str, tuple[str, float, bool]] = {
-    "ttc_p10": ("ttc", 10.0, False),
-    "ttc_p1": ("ttc", 1.0, False),
-    "btn_p90": ("btn", 90.0, True),
-    "stn_p90": ("stn", 90.0, True),
-}
-SAMPLE_COLUMNS = tuple(dict.fromkeys(column for column, _, _ in PERCENTILES.values()))
-
-_TOTALS = (
-    *("collisions", "hard_brakes_imposed", "promise_samples"),
-    *("not_judged_samples", "desired_not_finite_samples", "solver_failures"),
-    *("escape_samples", "no_escape_samples"),
-)
-_MINIMA = ("min_gap", "min_gap_ahead", "headway_min")
-_MAXIMA = ("drac_max", "max_abs_jerk", "max_abs_lateral_acceleration")
-_PER_EPISODE = ("distance", "lane_changes", "time_value_le_0", "headway_p10", "drac_p90")
-COLLISION_EPISODES = "collision_episodes"
-# Facts about an episode that are no result of it, and what depends on the machine.
-_NOT_METRICS = (
-    *("planner", "filter", "scheme", "seed", "scenario", "duration", "ended", "samples"),
-    *("wall_seconds", "real_time_factor"),
-)
-
 
 Replicates = Mapping[str, np.ndarray]
 
@@ -47,47 +24,59 @@ class EpisodeResult:
 
     seed: int
     summary: Mapping[str, Any]  # summary.json, +inf where it has null
-    samples: Mapping[str, np.ndarray]  # (N,) each of SAMPLE_COLUMNS
-
-
-def _summary_metrics(results: Sequence[EpisodeResult]) -> tuple[str, ...]:
-    """Return the metrics of the summaries, in their order."""
-    return tuple(name for name in results[0].summary if name not in _NOT_METRICS)
+    samples: Mapping[str, np.ndarray]  # (N,) each of metrics.catalogue.SAMPLE_COLUMNS
+    timing: Mapping[str, float] = field(default_factory=dict)  # timing.json
 
 
 def replicates(results: Sequence[EpisodeResult], weights: np.ndarray) -> dict[str, np.ndarray]:
     """Return every metric (R,) of the episodes, each counted as often as each row of `weights` says.
 
-    The paper's fractions, means and percentiles are over all samples. Collisions and imposed brakes are added up;
-    collision_episodes counts the episodes with a collision; smallest and largest values are over all episodes; what
-    an episode has one of (distance, lane changes, the percentiles beyond the paper's) is averaged over episodes.
-
     Args:
-        results: E episodes, one or more.
+        results: E episodes, one or more, whose summaries have the same metrics.
         weights: (R, E) whole numbers; a row of ones is the data themselves.
+
+    Raises:
+        MetricError: if a summary has a metric that is not declared: nobody would know how to pool it.
     """
-    lengths = np.array([result.summary["samples"] for result in results], float)
-    by_samples = weights * lengths
-    metrics = {}
-    for name in _summary_metrics(results):
-        values = np.array([result.summary[name] for result in results], float)
-        if name in PERCENTILES:
-            column, percent, upwards = PERCENTILES[name]
-            pooled = PooledPercentile([result.samples[column] for result in results], percent, upwards=upwards)
-            metrics[name] = pooled(weights)
-        elif name in _TOTALS:
-            metrics[name] = _weighted_sum(weights, values)
-        elif name in _MINIMA:
-            metrics[name] = np.where(weights > 0, values, np.inf).min(axis=1)
-        elif name in _MAXIMA:
-            metrics[name] = np.where(weights > 0, values, -np.inf).max(axis=1)
-        elif name in _PER_EPISODE:
-            metrics[name] = _weighted_sum(weights, values) / weights.sum(axis=1)
-        else:
-            metrics[name] = _weighted_sum(by_samples, values) / by_samples.sum(axis=1)
-    crashed = np.array([result.summary["collisions"] > 0 for result in results], float)
-    metrics[COLLISION_EPISODES] = _weighted_sum(weights, crashed)
-    return metrics
+    for result in results:
+        require_declared(result.summary)
+    known = results[0].summary
+    return {
+        name: _pooled(metric, results, weights)
+        for name, metric in METRICS.items()
+        if (metric.pooling.metric if isinstance(metric.pooling, EpisodesWith) else name) in known
+    }
+
+
+def _pooled(metric: Metric, results: Sequence[EpisodeResult], weights: np.ndarray) -> np.ndarray:
+    """Return a metric (R,) of the episodes as it is declared; arguments as `replicates`."""
+
+    def of_episodes(name: str) -> np.ndarray:
+        return np.array([result.summary[name] for result in results], float)
+
+    match metric.pooling:
+        case PercentileOfSamples(column, percent, upwards):
+            return PooledPercentile([result.samples[column] for result in results], percent, upwards=upwards)(weights)
+        case EpisodesWith(other):
+            return _weighted_sum(weights, (of_episodes(other) > 0.0).astype(float))
+        case WeightedMean(by):
+            by_episodes = weights * of_episodes(by)
+            # Where all weights are zero (nothing was promised), every episode counts the same.
+            nothing = by_episodes.sum(axis=1, keepdims=True) == 0.0
+            chosen = np.where(nothing, weights, by_episodes)
+            return _weighted_sum(chosen, of_episodes(metric.name)) / chosen.sum(axis=1)
+        case OverEpisodes(of):
+            return _over_episodes(of, weights, of_episodes(metric.name))
+
+
+def _over_episodes(of: str, weights: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return (R,) the mean, sum, smallest or largest of the episodes' values (E,) that are drawn."""
+    if of == "smallest":
+        return np.where(weights > 0, values, np.inf).min(axis=1)
+    if of == "largest":
+        return np.where(weights > 0, values, -np.inf).max(axis=1)
+    total = _weighted_sum(weights, values)
+    return total / weights.sum(axis=1) if of == "mean" else total
 
 
 def _weighted_sum(weights: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -1,4 +1,6 @@
+import gzip
 import math
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -72,3 +74,50 @@ def test_what_cannot_be_exported_is_named(run, tmp_path):
         export_run(run, "xlsx")
     with pytest.raises(RunFolderError, match="holds no run"):
         export_run(tmp_path, "csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "begins"),
+    [("d.csv", b'"time"'), ("d.parquet", b"PAR1"), ("d.fcd.xml", b"<?xml"), ("d.xml", b"<?xml")],
+)
+def test_name_of_the_file_says_what_is_exported(run, tmp_path, name, begins):
+    assert export_run(run, None, tmp_path / name).read_bytes().startswith(begins)
+
+
+@pytest.mark.parametrize("name", ["d.csv", "d.fcd.xml"])
+def test_name_that_ends_in_gz_is_the_same_compressed(run, tmp_path, name):
+    plain = export_run(run, None, tmp_path / name)
+    compressed = export_run(run, None, tmp_path / f"{name}.gz")
+    assert gzip.decompress(compressed.read_bytes()) == plain.read_bytes()
+    again = export_run(run, None, tmp_path / "again" / f"{name}.gz")
+    assert again.read_bytes() == compressed.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("format", "name", "said"),
+    [
+        ("csv", "d.fcd.xml", "--format csv contradicts the name .*d.fcd.xml, which is that of fcd"),
+        ("fcd", "d.csv.gz", "contradicts"),
+        (None, "d.txt", "does not say what to export; give it with --format"),
+        (None, "d.gz", "does not say what to export"),
+        (None, "d.csv.zst", "only gzip compresses an export"),
+        ("parquet", "d.parquet.gz", "Parquet is compressed within"),
+    ],
+)
+def test_name_that_promises_what_is_not_written_is_refused(run, tmp_path, format, name, said):
+    with pytest.raises(OutputError, match=said):
+        export_run(run, format, tmp_path / name)
+    assert not (tmp_path / name).exists()
+
+
+def test_export_never_takes_the_place_of_what_a_run_recorded(run, tmp_path, monkeypatch):
+    before = {path: path.read_bytes() for path in run.iterdir() if path.is_file()}
+    (tmp_path / "link").symlink_to(run)
+    monkeypatch.chdir(run)
+    own = [*before, run / "figures", run / "timing.json", tmp_path / "link" / "robot.parquet", Path("summary.json")]
+    for path in own:
+        format = "parquet" if path.suffix == ".parquet" else "csv"
+        with pytest.raises((RunFolderError, OutputError), match="belongs to the run in"):
+            export_run(run, format, path)
+    assert {path: path.read_bytes() for path in run.iterdir() if path.is_file()} == before
+    assert export_run(run, "parquet").name == "trajectories.plain.parquet"

@@ -52,7 +52,7 @@ def crowded_record(samples: int, cars: int) -> RunRecord:
     robot.x[:], robot.y[:], robot.speed[:] = 5.0 + 25.0 * time_axis, 4.0, 25.0
     robot.plan_lane[:], robot.plan_speed[:] = 1, 25.0
     nothing = np.zeros(samples)
-    threats = ThreatTrack(nothing, nothing, nothing, nothing, np.zeros(samples, bool))
+    threats = ThreatTrack(nothing, nothing, nothing, nothing, np.zeros(samples, bool), nothing)
     return RunRecord(time_axis, StraightRoad(4), 5.0, 2.0, traffic, robot, threats)
 
 
@@ -93,8 +93,8 @@ def test_measuring_and_writing_thirty_seconds_with_100_cars(record, tmp_path):
     folders = iter(range(1000))
     threats = median_seconds(lambda: threat_track(record.robot, record.traffic, 5.0, 2.0))
     floor = median_seconds(lambda: numpy_ttc(record))
-    summary = summarize(record, CONFIG, 1.0)
-    summarising = median_seconds(lambda: summarize(record, CONFIG, 1.0))
+    summary = summarize(record, CONFIG)
+    summarising = median_seconds(lambda: summarize(record, CONFIG))
     writing = median_seconds(lambda: write_run(tmp_path / str(next(folders)), record, "", summary))
     frame = pd.read_parquet(tmp_path / "0" / "trajectories.parquet")
     peer = median_seconds(lambda: frame.to_parquet(tmp_path / "peer.parquet", compression="zstd"))
@@ -128,7 +128,7 @@ def test_exports_need_no_more_memory_for_longer_drives(samples, tmp_path):
 
 def test_a_replay_and_a_report_of_thirty_seconds(record, tmp_path):
     folder = tmp_path / "run"
-    write_run(folder, record, config_toml(CONFIG), summarize(record, CONFIG, 1.0))
+    write_run(folder, record, config_toml(CONFIG), summarize(record, CONFIG))
     table = load_table("highway")
     start = time.process_time()
     gif = write_replay(read_run(folder), table, Path(tmp_path / "replay.gif"))

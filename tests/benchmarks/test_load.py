@@ -13,8 +13,9 @@ import numpy as np
 import psutil
 import pytest
 
+from hj_cosim.analysis.run_figures import draw_run
 from hj_cosim.cosim.configuration import resolve_config
-from hj_cosim.cosim.episode import draw_episode, run_in_sumo, write_episode
+from hj_cosim.cosim.episode import run_in_sumo, write_episode
 from hj_cosim.study.study import run_study
 
 EPISODES = 1000  # a hundred seeds of the paper's ten stacks
@@ -64,8 +65,8 @@ def test_a_workers_memory_does_not_grow_over_1000_episodes(small_specification, 
         "paper",
         episodes=SEEDS,
         workers=1,
-        assignments=("simulation.duration=2", f"table={small_specification}"),
-        folder=tmp_path / "study",
+        settings=("simulation.duration=2", f"table={small_specification}"),
+        out=tmp_path / "study",
         progress=measure,
     )
     print(f"  {EPISODES} episodes and their tables in {time.monotonic() - started:.0f} s")
@@ -132,7 +133,7 @@ def test_ten_minutes_among_500_cars(small_specification, small_table, tmp_path, 
     with most_memory_of("writing"):
         write_episode(episode, folder)
     with most_memory_of("drawing"):
-        draw_episode(folder)
+        draw_run(folder)
     grown = own_memory(psutil.Process()) - before
     record = episode.record
     car_seconds = (np.count_nonzero(record.traffic.present) + len(record.time)) * config.simulation.step

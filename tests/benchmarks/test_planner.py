@@ -147,7 +147,7 @@ def test_what_a_budget_is_worth_on_the_road(table):
                 "simulation": {"on_collision": "continue"},
             }  # fmt: skip
             episode = run_in_sumo(resolve_config("paper", flags=flags), table)
-            summaries.append(episode.summary)
+            summaries.append({**episode.summary, **episode.timing})
             robot, worst = episode.record.robot, np.clip(np.nan_to_num(episode.record.robot.value, posinf=8.0), -8, 8)
             driving = 0.4 * (robot.speed - 15.0) / 15.0 + np.clip(np.round(robot.y / 4.0), 0, 3) / 3.0
             rewards.append(np.mean(0.9 * driving + 0.1 * worst))

@@ -7,6 +7,8 @@ import pytest
 from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.reachability.table.store import find_specification, read_specification
+from hj_cosim.settings import Scenario
+from hj_cosim.traffic.sources.scenarios import load_scenario
 
 
 @pytest.fixture
@@ -56,3 +58,40 @@ def test_config_toml_says_everything(scenario_with_fast_drivers):
 def test_wrong_name_or_flag_is_named(arguments, said):
     with pytest.raises(ConfigurationError, match=said):
         resolve_config(**arguments)
+
+
+def test_preset_that_is_set_is_the_preset():
+    set_there = resolve_config("paper", assignments=["preset=paper"])
+    assert set_there == resolve_config("paper", preset="paper")
+    assert set_there.table == "highway_paper"
+    # Other assignments lie over it wherever they stand.
+    for order in (1, -1):
+        config = resolve_config("paper", assignments=["planner.expansions=7", "preset=paper"][::order])
+        assert (config.preset, config.planner.expansions, config.planner.value_clip) == ("paper", 7, 5.0)
+
+
+@pytest.mark.parametrize("preset", ["bst", "3"])
+def test_preset_that_does_not_exist_is_refused_where_it_is_set(preset):
+    with pytest.raises(ConfigurationError, match=f"--set preset={preset}: preset = .*'best' or 'paper'"):
+        resolve_config("paper", assignments=[f"preset={preset}"])
+
+
+def test_seed_of_the_scenario_counts_where_no_other_is_given(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text("seed = 7\n")
+    assert resolve_config(str(path)).seed == 7
+    assert resolve_config(str(path), flags=stack_flags(seed=3)).seed == 3
+    assert resolve_config(str(path), flags=stack_flags(seed=None)).seed == 7
+
+
+def test_scenario_object_is_taken_like_its_file(scenario_with_fast_drivers):
+    loaded = load_scenario(scenario_with_fast_drivers)
+    for preset in ("best", "paper"):
+        of_object = resolve_config(loaded, preset=preset)
+        assert of_object == resolve_config(scenario_with_fast_drivers, preset=preset)
+    assert resolve_config(Scenario(name="x"), preset="paper").scenario.drivers.desired_speed.mean == 23.0
+
+
+def test_what_is_no_scenario_is_refused_by_its_type_not_its_content():
+    with pytest.raises(ConfigurationError, match=r"a path to a TOML file or a Scenario, not a dict$"):
+        resolve_config({"name": "paper"})

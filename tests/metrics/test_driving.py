@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from hj_cosim.metrics.driving import driving_metrics
+from hj_cosim.metrics.jerk_and_turning import jerk_and_turning
 from hj_cosim.metrics.threats import threat_track
 from hj_cosim.recording.record import RobotTrack, RunRecord, TrafficTrack
 from hj_cosim.scene.road import StraightRoad
-from hj_cosim.settings import RssParameters
+from hj_cosim.settings import FilterSettings, RssParameters
 
-RSS = RssParameters()
+FILTER = FilterSettings(rss=RssParameters())
 
 
 def steady_run(cars: list[tuple[float, float, float]], speed: float = 20.0, samples: int = 50) -> RunRecord:
@@ -27,14 +28,14 @@ def steady_run(cars: list[tuple[float, float, float]], speed: float = 20.0, samp
 
 
 def test_headway_and_drac_are_to_the_leader_in_the_robot_s_way():
-    metrics = driving_metrics(steady_run([(45.0, 0.0, 15.0), (15.0, 4.0, 1.0), (85.0, 0.0, 19.0)]), RSS)
+    metrics = driving_metrics(steady_run([(45.0, 0.0, 15.0), (15.0, 4.0, 1.0), (85.0, 0.0, 19.0)]), FILTER)
     assert metrics["headway_min"] == metrics["headway_p10"] == 40.0 / 20.0
     assert metrics["min_gap_ahead"] == 40.0
     assert metrics["drac_max"] == pytest.approx(5.0**2 / (2 * 40.0))
 
 
 def test_an_empty_road_gives_infinite_headway_and_no_drac():
-    metrics = driving_metrics(steady_run([(-30.0, 0.0, 15.0)]), RSS)
+    metrics = driving_metrics(steady_run([(-30.0, 0.0, 15.0)]), FILTER)
     assert metrics["headway_min"] == math.inf
     assert metrics["drac_max"] == 0.0
 
@@ -43,7 +44,7 @@ def test_jerk_and_lateral_acceleration_of_a_known_manoeuvre():
     record = steady_run([(60.0, 0.0, 20.0)], samples=101)
     record.robot.acceleration[:] = 0.5 * np.sin(record.time)
     record.robot.omega[:] = 0.1
-    metrics = driving_metrics(record, RSS)
+    metrics = jerk_and_turning(record)
     assert metrics["max_abs_jerk"] == pytest.approx(0.5, rel=1e-3)
     assert metrics["mean_abs_lateral_acceleration"] == metrics["max_abs_lateral_acceleration"] == pytest.approx(2.0)
 
@@ -52,22 +53,22 @@ def test_hard_brakes_count_once_each_and_only_behind_the_robot():
     record = steady_run([(-15.0, 0.0, 20.0), (-40.0, 0.0, 20.0), (-15.0, 4.0, 20.0), (30.0, 0.0, 20.0)])
     for first, last in ((5, 10), (20, 30)):
         record.traffic.acceleration[first:last] = -5.0  # all brake, but only the first car follows the robot
-    assert driving_metrics(record, RSS)["hard_brakes_imposed"] == 2
-    record.traffic.acceleration[:] = -3.9
-    assert driving_metrics(record, RSS)["hard_brakes_imposed"] == 0
+    assert driving_metrics(record, FILTER)["hard_brakes_imposed"] == 2
+    record.traffic.acceleration[:] = -4.4
+    assert driving_metrics(record, FILTER)["hard_brakes_imposed"] == 0
 
 
 def test_the_time_with_a_negative_value_is_in_seconds():
     record = steady_run([(60.0, 0.0, 20.0)])
     record.robot.value[10:25] = -1.0
     record.robot.value[25] = 0.0
-    assert driving_metrics(record, RSS)["time_value_le_0"] == pytest.approx(16 * 0.02)
+    assert driving_metrics(record, FILTER)["time_value_le_0"] == pytest.approx(16 * 0.02)
 
 
 def test_rss_is_violated_inside_the_known_distances_only():
-    # SPEC section 4: following at 25 behind 22 m/s, the distance is 28 m between centres.
+    # RSS with these parameters: following at 25 behind 22 m/s, the distance is 28 m between centres.
     def violation(distance: float, aside: float) -> float:
-        return driving_metrics(steady_run([(distance, aside, 22.0)], speed=25.0), RSS)["rss_violation_percent"]
+        return driving_metrics(steady_run([(distance, aside, 22.0)], speed=25.0), FILTER)["rss_violation_percent"]
 
     boundary = 25 * 0.3 + 0.5 * 3 * 0.3**2 + (25 + 0.9) ** 2 / 12 - 22**2 / 12 + 5.0
     assert boundary == pytest.approx(28.0, abs=0.5)
@@ -81,5 +82,51 @@ def test_driving_towards_a_car_alongside_violates_rss_on_either_side():
         record = steady_run([(0.0, 2.6 * side, 20.0)])
         towards = replace(record.robot, heading=np.full(50, 0.05 * side))
         away = replace(record.robot, heading=np.full(50, -0.05 * side))
-        assert driving_metrics(replace(record, robot=towards), RSS)["rss_violation_percent"] == 100.0
-        assert driving_metrics(replace(record, robot=away), RSS)["rss_violation_percent"] == 0.0
+        assert driving_metrics(replace(record, robot=towards), FILTER)["rss_violation_percent"] == 100.0
+        assert driving_metrics(replace(record, robot=away), FILTER)["rss_violation_percent"] == 0.0
+
+
+def test_jumps_are_changes_of_more_than_two_from_one_sample_to_the_next():
+    record = steady_run([(60.0, 0.0, 20.0)], samples=101)
+    record.robot.acceleration[20:30] = 2.5
+    record.robot.acceleration[60:] = 1.9
+    metrics = jerk_and_turning(record)
+    assert metrics["jumps_per_second"] == pytest.approx(2 / (100 * 0.02))
+    assert metrics["max_abs_jerk"] == pytest.approx(2.5 / 0.02)
+    assert metrics["jerk_p99"] == sorted(np.abs(np.diff(record.robot.acceleration)) / 0.02)[99]
+
+
+def test_shares_of_lateral_acceleration_are_of_samples():
+    record = steady_run([(60.0, 0.0, 20.0)], samples=100)
+    record.robot.omega[:30] = -0.15
+    record.robot.omega[30:40] = 0.25
+    metrics = jerk_and_turning(record)
+    assert (metrics["lateral_acceleration_gt_2_5"], metrics["lateral_acceleration_gt_4"]) == (0.4, 0.1)
+
+
+def test_two_dimensional_ttc_sees_a_car_before_it_overlaps_sideways():
+    record = steady_run([(25.0, 4.0, 10.0)])
+    assert record.threats.ttc.min() == math.inf
+    crossing = replace(record.traffic, heading=np.full_like(record.traffic.heading, -0.2))
+    threats = threat_track(record.robot, crossing, 5.0, 2.0)
+    assert threats.ttc.min() == math.inf
+    # The corner of the other's front comes to the robot's side before its rear comes to the robot's front.
+    assert 0.5 < threats.ttc_2d[0] < 2.5
+    assert record.threats.ttc_2d.min() == math.inf
+
+
+def test_the_fall_of_v_is_measured_from_epsilon():
+    record = steady_run([(60.0, 0.0, 20.0)])
+    assert driving_metrics(record, FILTER)["value_fall"] == 0.0
+    record.robot.value[10] = -0.5
+    assert driving_metrics(record, FILTER)["value_fall"] == FILTER.epsilon + 0.5
+
+
+def test_a_corner_beyond_the_outermost_line_is_off_the_road():
+    record = steady_run([(60.0, 0.0, 20.0)])
+    record.robot.y[:10] = -0.99
+    record.robot.y[10:15] = -1.01
+    record.robot.y[15:18] = 13.01
+    assert driving_metrics(record, FILTER)["off_road_samples"] == 8
+    record.robot.heading[:10] = 0.1
+    assert driving_metrics(record, FILTER)["off_road_samples"] == 18

@@ -12,7 +12,7 @@ from hj_cosim.metrics.driving import driving_metrics
 from hj_cosim.metrics.threats import threat_track
 from hj_cosim.recording.record import RobotTrack, RunRecord, TrafficTrack
 from hj_cosim.scene.road import StraightRoad
-from hj_cosim.settings import RssParameters
+from hj_cosim.settings import FilterSettings
 
 STEP, SAMPLES = 0.02, 500
 ROUTES = """<routes>
@@ -86,4 +86,4 @@ def test_ttc_equals_the_device_s_within_a_percent(drive):
 def test_the_largest_drac_equals_the_device_s(drive):
     record, ssm = drive
     _, expected = device_series(ssm, "DRAC")
-    assert driving_metrics(record, RssParameters())["drac_max"] == pytest.approx(expected.max(), rel=0.01)
+    assert driving_metrics(record, FilterSettings())["drac_max"] == pytest.approx(expected.max(), rel=0.01)

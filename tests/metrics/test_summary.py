@@ -4,7 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hj_cosim.metrics.summary import count_lane_changes, count_onsets, summarize
+from hj_cosim.errors import MetricError
+from hj_cosim.metrics.summary import count_lane_changes, count_onsets, summarize, timing
 from hj_cosim.recording.run_folder import summary_text
 from hj_cosim.scene.road import StraightRoad
 
@@ -31,21 +32,18 @@ KEYS = [
     "min_gap",
     "distance",
     "lane_changes",
-    "wall_seconds",
-    "real_time_factor",
 ]
 
 
 def test_the_summary_has_the_keys_of_the_specification_in_order(record, config):
-    assert list(summarize(record, config, 0.5))[: len(KEYS)] == KEYS
+    assert list(summarize(record, config))[: len(KEYS)] == KEYS
 
 
 def test_the_summary_says_what_the_record_holds(record, config):
-    summary = summarize(record, config, 0.5)
+    summary = summarize(record, config)
 
     assert (summary["planner"], summary["filter"], summary["scheme"], summary["seed"]) == ("hjop", "spc", "mi", 7)
     assert summary["duration"] == 4.0
-    assert summary["real_time_factor"] == 8.0
     assert summary["samples"] == 200
     assert summary["ttc_ge_3"] == np.count_nonzero(record.threats.ttc >= 3.0) / 200
     assert summary["ttc_p10"] == sorted(record.threats.ttc)[19]
@@ -57,7 +55,7 @@ def test_the_summary_says_what_the_record_holds(record, config):
 
 def test_infinite_values_are_written_as_null(record, config):
     free = replace(record, threats=replace(record.threats, ttc=np.full(200, np.inf)))
-    summary = summarize(free, config, 1.0)
+    summary = summarize(free, config)
     assert summary["ttc_p10"] == np.inf
     assert json.loads(summary_text(summary))["ttc_p10"] is None
 
@@ -74,3 +72,14 @@ def test_wavering_at_a_line_is_no_lane_change_but_arriving_is():
     assert count_lane_changes(np.zeros(len(wavering)), wavering, StraightRoad(4)) == 0
     assert count_lane_changes(np.zeros(len(crossing)), crossing, StraightRoad(4)) == 2
     assert count_lane_changes(np.zeros(len(there_and_back)), there_and_back, StraightRoad(4)) == 0
+
+
+def test_what_depends_on_the_machine_is_no_part_of_the_summary(record, config):
+    summary = summarize(record, config)
+    assert timing(summary, 0.5) == {"wall_seconds": 0.5, "real_time_factor": 8.0}
+    assert not timing(summary, 0.5).keys() & summary.keys()
+
+
+def test_a_metric_without_a_declaration_is_refused(record, config):
+    with pytest.raises(MetricError, match="no metric is declared as 'comfort'"):
+        summarize(record, config, {"comfort": 1.0})

@@ -46,6 +46,7 @@ ROBOT_COLUMNS = [
     "stn",
     "min_gap",
     "collision",
+    "ttc_2d",
 ]
 CONFIG = '[scenario]\nname = "synthetic"\n'
 STACK = {"planner": "hjop", "filter": "spc", "scheme": "mi"}

@@ -28,7 +28,7 @@ MEGABYTE = 2**20
 def folder(tmp_path, record, config) -> Path:
     """Return the folder of a good run."""
     text = tomli_w.dumps(config.model_dump(mode="json", exclude_none=True))
-    write_run(tmp_path / "run", record, text, summarize(record, config, 1.0))
+    write_run(tmp_path / "run", record, text, summarize(record, config))
     return tmp_path / "run"
 
 

@@ -37,12 +37,12 @@ def synthetic_record(config: EpisodeConfig, samples: int = SAMPLES) -> RunRecord
     closing = robot.speed - traffic.speed[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         ttc = np.where(gap <= 0.0, 0.0, np.where(closing > 0.0, gap / closing, np.inf))
-    threats = ThreatTrack(ttc, 1.0 / np.maximum(ttc, 0.1), 0.5 / np.maximum(ttc, 0.1), gap, gap <= 0.0)
+    threats = ThreatTrack(ttc, 1.0 / np.maximum(ttc, 0.1), 0.5 / np.maximum(ttc, 0.1), gap, gap <= 0.0, ttc)
     return RunRecord(time_of, StraightRoad(lane_count=4), 5.0, 2.0, traffic, robot, threats)
 
 
 def summary_of(record: RunRecord, config: EpisodeConfig) -> dict[str, Any]:
-    """Return what matters to a study of analysis.summary, which workers of tests cannot wait to be compiled."""
+    """Return what matters to a study of metrics.summary, which workers of tests cannot wait to be compiled."""
     robot, threats = record.robot, record.threats
     return {
         "planner": config.planner.kind,
@@ -55,20 +55,31 @@ def summary_of(record: RunRecord, config: EpisodeConfig) -> dict[str, Any]:
         "ttc_ge_3": float(np.mean(threats.ttc >= 3.0)),
         "ttc_p10": float(np.percentile(threats.ttc, 10, method="lower")),
         "ttc_p1": float(np.percentile(threats.ttc, 1, method="lower")),
+        "btn_le_1": float(np.mean(threats.btn <= 1.0)),
+        "stn_le_1": float(np.mean(threats.stn <= 1.0)),
         "mean_speed": float(np.mean(robot.speed)),
         "mean_abs_acceleration": float(np.mean(np.abs(robot.acceleration))),
         "intervention_percent": 100.0 * float(np.mean(robot.intervening)),
         "collisions": int(threats.collision.any()),
         "min_gap": float(threats.min_gap.min()),
         "distance": float(robot.x[-1] - robot.x[0]),
-        "wall_seconds": os.getpid() / 1000.0,
-        "real_time_factor": time.time(),
     }
 
 
 def drive(job: EpisodeJob) -> None:
     record = synthetic_record(job.config)
-    write_run(job.folder, record, config_toml(job.config), summary_of(record, job.config))
+    timing = {"wall_seconds": os.getpid() / 1000.0, "real_time_factor": time.time()}
+    summary = summary_of(record, job.config)
+    write_run(job.folder, record, config_toml(job.config), summary, keep=job.keep, timing=timing)
+
+
+STALLING_SEED = 2  # from which on nothing is finished any more
+
+
+def drive_until_it_stalls(job: EpisodeJob) -> None:
+    if job.config.seed >= STALLING_SEED:
+        never_finish(job)
+    drive(job)
 
 
 def drive_slowly(job: EpisodeJob) -> None:

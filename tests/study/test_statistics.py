@@ -3,9 +3,11 @@ import math
 import numpy as np
 import pytest
 
+from hj_cosim.errors import MetricError
+from hj_cosim.metrics.catalogue import SAMPLE_COLUMNS
 from hj_cosim.metrics.summary import summarize
 from hj_cosim.settings import EpisodeConfig, PlannerSettings, Scenario
-from hj_cosim.study.statistics import COLLISION_EPISODES, SAMPLE_COLUMNS, EpisodeResult, RowStatistics, replicates
+from hj_cosim.study.statistics import EpisodeResult, RowStatistics, replicates
 
 PAPERS = ("ttc_ge_3", "ttc_p10", "ttc_p1", "btn_le_1", "btn_p90", "stn_le_1", "stn_p90", "mean_speed")
 
@@ -18,7 +20,7 @@ def drive(synthetic):
         config = EpisodeConfig(seed=seed, planner=PlannerSettings(kind=planner), scenario=Scenario(name="synthetic"))
         record = synthetic.synthetic_record(config, samples)
         columns = {name: getattr(record.threats, name) for name in SAMPLE_COLUMNS}
-        return EpisodeResult(seed, summarize(record, config, 1.0), columns), record
+        return EpisodeResult(seed, summarize(record, config), columns), record
 
     return drive_it
 
@@ -27,7 +29,7 @@ def test_one_episode_has_its_own_summary_for_statistics(drive):
     result, _ = drive(3, "op")
     estimates = RowStatistics([result]).estimates()
     for name, estimate in estimates.items():
-        expected = min(result.summary["collisions"], 1) if name == COLLISION_EPISODES else result.summary[name]
+        expected = min(result.summary["collisions"], 1) if name == "collision_episodes" else result.summary[name]
         assert estimate.value == estimate.low == estimate.high == pytest.approx(expected, rel=1e-12), name
 
 
@@ -67,9 +69,9 @@ def test_collisions_are_added_up_and_the_episodes_with_one_counted(drive):
     ]
     estimates = RowStatistics(crashes).estimates()
     assert estimates["collisions"].value == 4
-    assert estimates[COLLISION_EPISODES].value == 2
-    assert estimates[COLLISION_EPISODES].low == 0
-    assert estimates[COLLISION_EPISODES].high == 3
+    assert estimates["collision_episodes"].value == 2
+    assert estimates["collision_episodes"].low == 0
+    assert estimates["collision_episodes"].high == 3
 
 
 def test_an_infinite_value_of_an_episode_that_is_not_drawn_does_no_harm(drive):
@@ -123,3 +125,25 @@ def test_rows_without_episodes_have_no_statistics(drive):
     empty = RowStatistics([])
     assert empty.estimates() == {}
     assert empty.differences(RowStatistics([drive(0)[0]])) == (0, {})
+
+
+def with_metrics(result, **values):
+    return EpisodeResult(result.seed, {**result.summary, **values}, result.samples)
+
+
+def test_a_kept_promise_counts_as_often_as_it_was_given(drive):
+    results = [drive(seed)[0] for seed in range(2)]
+    pooled = RowStatistics(
+        [
+            with_metrics(results[0], promise_kept_percent=100.0, promise_samples=0),
+            with_metrics(results[1], promise_kept_percent=50.0, promise_samples=100),
+        ]
+    )
+    assert pooled.estimates()["promise_kept_percent"].value == 50.0
+    nothing = RowStatistics([with_metrics(result, promise_kept_percent=100.0, promise_samples=0) for result in results])
+    assert nothing.estimates()["promise_kept_percent"].value == 100.0
+
+
+def test_a_metric_that_nobody_declared_cannot_be_pooled(drive):
+    with pytest.raises(MetricError, match="no metric is declared as 'comfort'"):
+        RowStatistics([with_metrics(drive(0)[0], comfort=1.0)]).estimates()

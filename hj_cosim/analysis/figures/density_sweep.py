@@ -7,12 +7,11 @@ from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.stacks import STACK_COLUMNS, stacks_of, varying_factors
+from hj_cosim.metrics.catalogue import METRICS
 
-PANELS = (
-    ("mean_speed", "mean speed (m/s)"),
-    ("ttc_ge_3", "share of TTC ≥ 3 s"),
-    ("intervention_percent", "interventions (%)"),
-    ("mean_abs_acceleration", "mean |a| (m/s²)"),
+PANELS = tuple(
+    (name, METRICS[name].label_with_unit)
+    for name in ("mean_speed", "ttc_ge_3", "intervention_percent", "mean_abs_acceleration")
 )
 
 

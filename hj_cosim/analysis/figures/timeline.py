@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
-from hj_cosim.metrics.summary import SAFE_TTC
+from hj_cosim.metrics.threats import SAFE_TTC
 from hj_cosim.recording.run_folder import Run
 
 VALUE_TICKS = (-1000.0, -100.0, -30.0, -10.0, -5.0, 0.0, 5.0, 10.0, 30.0, 100.0, 1000.0)  # m

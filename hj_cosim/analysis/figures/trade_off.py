@@ -8,7 +8,7 @@ from matplotlib.patches import Ellipse
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.stacks import STACK_COLUMNS, stacks_of, varying_factors
-from hj_cosim.metrics.summary import SAFE_TTC
+from hj_cosim.metrics.threats import SAFE_TTC
 
 LARGEST_TTC = 30.0  # s; longer, also infinite ones count as this long, for an ellipse needs finite points
 DEVIATIONS = 3.0

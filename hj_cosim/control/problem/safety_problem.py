@@ -8,8 +8,10 @@ row speaks of it; a tie weight of 1e-6 ā⁻² on (a − a_des)² makes it uniqu
 """
 
 import math
+import warnings
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -192,6 +194,20 @@ def available_controls(limits: np.ndarray, heading: float, speed: float, bounds:
     )
 
 
+def _own_failure_unsaid(backend: str) -> AbstractContextManager[None]:
+    """Return a context in which OSQP does not warn that it failed: that is counted, and the next backend answers."""
+    if backend != "osqp":
+        return nullcontext()
+    return _without_osqps_failure()
+
+
+@contextmanager
+def _without_osqps_failure() -> Iterator[None]:
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="OSQP exited with status", category=UserWarning)
+        yield
+
+
 class SafetySolver:
     """Solves the problem with one of qpsolvers' backends; one that fails is answered by the next, and counted."""
 
@@ -297,7 +313,8 @@ class SafetySolver:
             cost, inequality = self._sparse_cost, csc_matrix(inequality)
         problem = qpsolvers.Problem(cost, linear, inequality, offset, lb=lower, ub=upper)
         try:
-            solution = qpsolvers.solve_problem(problem, backend, **_BACKEND_OPTIONS[backend])
+            with _own_failure_unsaid(backend):
+                solution = qpsolvers.solve_problem(problem, backend, **_BACKEND_OPTIONS[backend])
         except (qpsolvers.exceptions.QPError, ValueError, ArithmeticError):
             return None
         return solution.x if solution.found else None

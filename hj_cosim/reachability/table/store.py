@@ -257,6 +257,11 @@ class KeptTable:
     path: Path
 
     @property
+    def identity(self) -> str:
+        """The hash of what it is solved from, solved or not."""
+        return specification_hash(self.specification, find_game(self.specification.dynamics))
+
+    @property
     def is_solved(self) -> bool:
         """Whether its file is there and of this specification.
 
@@ -267,7 +272,7 @@ class KeptTable:
             return False
         with open_table_file(self.path) as file:
             kept = _report_of(file).specification_hash
-        return kept == specification_hash(self.specification, find_game(self.specification.dynamics))
+        return kept == self.identity
 
 
 def kept_table(name_or_path: str, robot: RobotSettings | None = None, size: SizeClass = CAR) -> KeptTable:

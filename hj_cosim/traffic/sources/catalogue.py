@@ -13,6 +13,7 @@ from hj_cosim.settings import (
     Scenario,
     Settings,
     TrafficSettings,
+    explanation,
 )
 from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.sources.placement import density, stream_speed
@@ -97,7 +98,7 @@ def scenario_template() -> str:
 
 def _line(name: str, field: FieldInfo) -> str:
     value = field.default
-    comment = f"  # {field.description}" if field.description else ""
+    comment = f"  # {explanation(field)}"
     if value is None:  # TOML has no null: shown, but commented out
         return f"# {name} = 13.5{comment}"
     if isinstance(value, NormalDistribution):

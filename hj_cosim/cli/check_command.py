@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from hj_cosim.cli.app import Json, Specification, app, example
 from hj_cosim.cli.console import bar, plain_table, print_json, progress_bars, results
 from hj_cosim.errors import ConfigurationError
 
@@ -21,8 +22,9 @@ _ROWS = (
 )
 
 
+@app.command(epilog=example("hj-cosim check highway --adversary search --games 200 --seed 1"))
 def check(
-    specification: Annotated[str, typer.Argument(metavar="SPEC", help="A name in value_tables/ or a path to a TOML.")],
+    specification: Specification,
     adversary: Annotated[str, typer.Option(help="search: cross-entropy over the other car's inputs.")] = "search",
     games: Annotated[int, typer.Option(min=1, help="Games of each kind.")] = 200,
     desired: Annotated[
@@ -32,7 +34,7 @@ def check(
     above: Annotated[float, typer.Option(help="m; games start with V above this.")] = 2.0,
     up_to: Annotated[float, typer.Option(help="m; and with V up to this.")] = 2.5,
     seed: Annotated[int, typer.Option(min=0, help="Of starts and search.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Attack the filter: search for what another car, and the planner, could do that hurts most."""
     from hj_cosim.reachability.table.store import load_table

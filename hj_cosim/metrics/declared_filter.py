@@ -1,0 +1,90 @@
+"""What the filter promised and how often it could not, and metrics of many episodes: declarations."""
+
+from hj_cosim.metrics.declaration import SUM_OVER_EPISODES, EpisodesWith, Metric, WeightedMean
+
+FILTER_METRICS = (
+    Metric(
+        "promise_kept_percent",
+        label="filter kept its promise",
+        unit="%",
+        format=".2f",
+        better="higher",
+        pooling=WeightedMean("promise_samples"),
+        explanation="share of the samples with a promise after which no V in K fell, by more than a tolerance",
+        shown="run",
+    ),
+    Metric(
+        "promise_samples",
+        label="samples with a promise",
+        unit="",
+        format=".0f",
+        better="neither",
+        pooling=SUM_OVER_EPISODES,
+        explanation="in which SPC's rows could be met, so that it promised that no V in K falls",
+        shown="run",
+    ),
+    Metric(
+        "not_judged_samples",
+        label="samples that the filter could not judge",
+        unit="",
+        format=".0f",
+        better="lower",
+        pooling=SUM_OVER_EPISODES,
+        explanation="in which a car's state was not finite, or impossible; the filter brakes",
+        shown="where it happened",
+    ),
+    Metric(
+        "desired_not_finite_samples",
+        label="samples with no finite control to filter",
+        unit="",
+        format=".0f",
+        better="lower",
+        pooling=SUM_OVER_EPISODES,
+        explanation="in which the tracking controller asked for a control that is not finite; the filter brakes",
+        shown="where it happened",
+    ),
+    Metric(
+        "solver_failures",
+        label="failures of the filter's solver, answered by another",
+        unit="",
+        format=".0f",
+        better="lower",
+        pooling=SUM_OVER_EPISODES,
+        explanation="of the backend filter.solver",
+        shown="where it happened",
+    ),
+    Metric(
+        "escape_samples",
+        label="samples driven by a manoeuvre that escapes",
+        unit="",
+        format=".0f",
+        better="lower",
+        pooling=SUM_OVER_EPISODES,
+        explanation="in which SPC's control would have left no escape, so that a manoeuvre was driven instead",
+        shown="where it happened",
+    ),
+    Metric(
+        "no_escape_samples",
+        label="samples with no escape from the worst of all cars",
+        unit="",
+        format=".0f",
+        better="lower",
+        pooling=SUM_OVER_EPISODES,
+        explanation="in which no manoeuvre escapes from all cars in K, whatever they do",
+        shown="where it happened",
+    ),
+)
+
+METRICS_OF_MANY_EPISODES = (
+    Metric(
+        "collision_episodes",
+        label="episodes with a collision",
+        unit="",
+        format=".0f",
+        better="lower",
+        pooling=EpisodesWith("collisions"),
+        explanation="in which the robot's body overlapped another's at least once",
+        shown="study",
+        heading="crashed",
+    ),
+)

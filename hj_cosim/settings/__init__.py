@@ -1,0 +1,71 @@
+"""Every setting, typed and checked: what a run, a scenario and a value table are made of.
+
+All models are frozen, refuse unknown keys and non-finite numbers, and are SI units throughout.
+"""
+
+from hj_cosim.settings.base import Settings, explanation, unit_of
+from hj_cosim.settings.catalogue import SettingEntry, list_settings
+from hj_cosim.settings.episode import MOST_RECORDED, PRESETS, EpisodeConfig, SimulationSettings
+from hj_cosim.settings.filter import Backend, FilterSettings, RssParameters
+from hj_cosim.settings.layers import (
+    DEEPEST_TOML,
+    LARGEST_TOML,
+    LONGEST_TOML_LINE,
+    overlay,
+    parse_assignment,
+    parse_toml,
+    read_toml,
+    shown,
+    validate,
+)
+from hj_cosim.settings.planner import MOST_PREDICTION_STEPS, PlannerSettings
+from hj_cosim.settings.robot import RobotSettings, TrackingSettings
+from hj_cosim.settings.scenario import (
+    CarStart,
+    DriverSettings,
+    NetworkSettings,
+    NormalDistribution,
+    RobotStart,
+    Scenario,
+    TrafficSettings,
+)
+from hj_cosim.settings.table import Boundary, GridSettings, Scheme, TableSpecification
+
+__all__ = [
+    "DEEPEST_TOML",
+    "LARGEST_TOML",
+    "LONGEST_TOML_LINE",
+    "MOST_PREDICTION_STEPS",
+    "MOST_RECORDED",
+    "PRESETS",
+    "Backend",
+    "Boundary",
+    "CarStart",
+    "DriverSettings",
+    "EpisodeConfig",
+    "FilterSettings",
+    "GridSettings",
+    "NetworkSettings",
+    "NormalDistribution",
+    "PlannerSettings",
+    "RobotSettings",
+    "RobotStart",
+    "RssParameters",
+    "Scenario",
+    "Scheme",
+    "SettingEntry",
+    "Settings",
+    "SimulationSettings",
+    "TableSpecification",
+    "TrackingSettings",
+    "TrafficSettings",
+    "explanation",
+    "list_settings",
+    "overlay",
+    "parse_assignment",
+    "parse_toml",
+    "read_toml",
+    "shown",
+    "unit_of",
+    "validate",
+]

@@ -1,0 +1,80 @@
+"""Everything that an episode depends on, and the presets."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from pydantic import Field, model_validator
+
+from hj_cosim.settings.base import Seconds, Settings
+from hj_cosim.settings.filter import FilterSettings
+from hj_cosim.settings.planner import PlannerSettings
+from hj_cosim.settings.robot import RobotSettings, TrackingSettings
+from hj_cosim.settings.scenario import Scenario
+
+# Samples times cars of an episode, which is kept in memory until it is written: some 4 GB.
+MOST_RECORDED = 100_000_000
+
+
+class SimulationSettings(Settings):
+    """Clocks of an episode."""
+
+    duration: Seconds = Field(30.0, gt=0, le=3600, description="recorded time")
+    step: Seconds = Field(0.02, ge=0.001, le=0.1, description="of control and traffic")
+    plan_period: Seconds = Field(1.0, gt=0, le=3600, description="between plans")
+    settle_time: Seconds = Field(3.0, ge=0, le=3600, description="the traffic settles before the robot takes over")
+    on_collision: Literal["stop", "continue"] = Field(
+        "stop", description="whether the drive ends where the robot's body overlaps a car's"
+    )
+
+
+class EpisodeConfig(Settings):
+    """Everything that an episode depends on; its run folder's config.toml."""
+
+    seed: int = Field(0, ge=0, lt=2**63, description="of the traffic; the scenario's unless given")
+    preset: Literal["best", "paper"] = Field("best", description="what measures best, or what the paper has")
+    table: str = Field("highway", description="a name in value_tables/ or a path to a specification")
+    robot: RobotSettings = Field(RobotSettings(), description="its body and limits")
+    tracking: TrackingSettings = Field(TrackingSettings(), description="the tracking controller")
+    planner: PlannerSettings = Field(PlannerSettings(), description="the planner")
+    filter: FilterSettings = Field(FilterSettings(), description="the safety filter")
+    simulation: SimulationSettings = Field(SimulationSettings(), description="the clocks")
+    scenario: Scenario = Field(description="road, traffic and drivers")
+
+    @model_validator(mode="after")
+    def _fits_into_memory(self) -> "EpisodeConfig":
+        traffic, simulation = self.scenario.traffic, self.simulation
+        cars = traffic.count + traffic.count_behind + len(self.scenario.cars)
+        if (cars + 1) * simulation.duration > MOST_RECORDED * simulation.step:
+            raise ValueError(
+                f"simulation.duration ({simulation.duration} s) of {cars} cars in steps of simulation.step"
+                f" ({simulation.step} s) is more than is kept in memory, {MOST_RECORDED} samples of a car; take less"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _robot_can_be_as_fast_as_it_starts(self) -> "EpisodeConfig":
+        start, most = self.scenario.robot.speed, self.robot.speed_max
+        if start > most:
+            raise ValueError(
+                f"scenario.robot.speed ({start:g} m/s) must not exceed robot.speed_max ({most:g} m/s);"
+                " start slower, or raise the robot's limit"
+            )
+        return self
+
+    @model_validator(mode="before")
+    @classmethod
+    def _seed_is_the_scenarios(cls, data: Any) -> Any:
+        scenario = data.get("scenario") if isinstance(data, Mapping) else None
+        if isinstance(scenario, Mapping) and "seed" in scenario and "seed" not in data:
+            return {**data, "seed": scenario["seed"]}
+        return data
+
+
+PRESETS: Mapping[str, Mapping[str, Any]] = {
+    "best": {"filter": {"keep_escape": True}},
+    "paper": {
+        "table": "highway_paper",
+        "planner": {"expansions": 40, "value_clip": 5.0, "speed_floor": 15.0},
+        "scenario": {"drivers": {"desired_speed": {"mean": 23.0, "deviation": 1.5}}},
+    },
+}
