@@ -138,7 +138,12 @@ def test_read_only_folder_is_named_before_any_work(call, monkeypatch, scenario, 
     def work(*_, **__):
         raise AssertionError("the work had begun")
 
-    for module, name in ((episode, "run_in_sumo"), (value_table, "solve_table"), (value_table, "load_table")):
+    for module, name in (
+        (episode, "run_in_sumo"),
+        (episode, "load_table"),
+        (value_table, "solve_table"),
+        (value_table, "load_table"),
+    ):
         monkeypatch.setattr(module, name, work)
     names = {
         "SCENARIO": str(scenario),
@@ -168,7 +173,7 @@ def test_read_only_folder_is_named(call, driven, arguments):
 @pytest.mark.parametrize(
     ("module", "name", "reason"),
     [
-        (value_table, "load_table", "'{}' is not in"),  # after the configuration was checked, before the road is read
+        (episode, "load_table", "'{}' is not in"),  # after the configuration was checked, before the road is read
         (sumo_world, "write_routes", "SUMO cannot run scenario few on {}: "),  # after that, before SUMO reads it
     ],
 )
