@@ -9,6 +9,18 @@ from hj_cosim.cli.commands import main
 from hj_cosim.locations import specifications_folder
 from hj_cosim.reachability.table.store import save_table
 
+# What a study.toml has, but for the versions of the program.
+A_STUDY = """
+scenarios = ["paper"]
+stacks = ["hjop-spc-mi"]
+episodes = 40
+seed = 0
+preset = "best"
+vary = []
+set = []
+keep = "all"
+"""
+
 # Each case: what --set is given, and what the answer must name beside the key and the value.
 ASSIGNMENTS = {
     "seed=-1": "greater than or equal to 0",
@@ -273,16 +285,20 @@ def test_wrong_network(refused, tmp_path, small_specification, content, said):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("program = 3", "program = 3 is no table"),
+        ("", "study.toml: scenarios: field required"),
+        ('scenarios = "paper"', "scenarios = 'paper'"),
+        (A_STUDY + "program = 3", "program = 3"),
+        (A_STUDY + "program = {}\nepisods = 3", "unknown key 'episods'"),
+        (A_STUDY.replace("40", "0") + "program = {}", "episodes = 0"),
+        (A_STUDY.replace("hjop-spc-mi", "mpc-spc-mi") + "program = {}", "no stack is called 'mpc-spc-mi'"),
         ("= 3", "is not TOML"),
         ("x = " + "[" * 4000, "within each other"),
     ],
 )
-def test_wrong_study_to_resume(refused, tmp_path, small_specification, small_table, content, said):
+def test_wrong_study_to_resume(refused, tmp_path, content, said):
     (tmp_path / "study").mkdir()
     (tmp_path / "study" / "study.toml").write_text(content)
-    table = f"table={small_specification}"
-    sentence = refused("study", "--resume", "--out", str(tmp_path / "study"), "--set", table, "--episodes", "1")
+    sentence = refused("study", "--resume", "--out", str(tmp_path / "study"))
     assert said in sentence
     assert "study.toml" in sentence
     assert (tmp_path / "study" / "study.toml").read_text() == content

@@ -26,6 +26,7 @@ from hj_cosim.files import temporary_folder, whole_file
 from hj_cosim.metrics.catalogue import FACTS, METRICS
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.run_folder import ROBOT, Run, read_run, require_not_own_file
+from hj_cosim.recording.study_files import COMPARISON, STUDY, TABLE, study_progress
 
 REPORT = "report.html"
 RUN_FIGURES = {
@@ -63,7 +64,7 @@ def write_report(
     if (folder / ROBOT).exists():
         run = read_run(folder)
         page = run_page(run, table or table_of(run), report)
-    elif (folder / "table.csv").exists():
+    elif (folder / TABLE).exists() or (folder / STUDY).exists():
         page = study_page(folder, report)
     else:
         raise RunFolderError(f"{folder} holds neither a run nor a study; give the folder that one of them wrote")
@@ -104,7 +105,16 @@ def run_page(run: Run, table: ValueTable, progress: Progress) -> str:
 
 def study_page(folder: Path, progress: Progress) -> str:
     """Return the HTML of a study's report."""
-    table = read_study_table(folder / "table.csv", TEXT_COLUMNS)
+    state = study_progress(folder) if (folder / STUDY).exists() else None
+    unfinished = (
+        f"<p>The study is unfinished: {state.text} are there, and"
+        f" <code>hj-cosim study --resume --out {escape(str(folder))}</code> goes on with it.</p>"
+        if state is not None and state.is_unfinished
+        else ""
+    )
+    if not (folder / TABLE).exists():
+        return _page(f"Study {folder.name}", [unfinished])
+    table = read_study_table(folder / TABLE, TEXT_COLUMNS)
     figures = {"trade-off": "Safety over performance in windows of ten seconds."}
     if table.scenario.nunique() > 1:
         figures["density-sweep"] = "What denser traffic does."
@@ -114,15 +124,13 @@ def study_page(folder: Path, progress: Progress) -> str:
         progress(done, len(figures))
     missing = int(table["missing"].sum()) if "missing" in table else 0
     parts = [
+        unfinished,
         "<h2>Table</h2><p class='note'>Each metric with its 95 % bootstrap interval over episodes.</p>",
         _intervals_table(table),
         f"<p>{missing} episodes are missing: they failed.</p>" if missing else "",
     ]
-    if (folder / "comparison.csv").exists():
-        parts += [
-            "<h2>Beside the paper</h2>",
-            _intervals_table(read_study_table(folder / "comparison.csv", STACK_COLUMNS)),
-        ]
+    if (folder / COMPARISON).exists() and len(comparison := read_study_table(folder / COMPARISON, STACK_COLUMNS)):
+        parts += ["<h2>Beside the paper</h2>", _intervals_table(comparison)]
     return _page(f"Study {folder.name}", [*parts, "<h2>Figures</h2>", *drawn])
 
 

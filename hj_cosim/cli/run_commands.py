@@ -138,7 +138,15 @@ def report(
 ) -> None:
     """Write one self-contained HTML page about a run, with an interactive replay, or about a study."""
     from hj_cosim.analysis.report import write_report
+    from hj_cosim.recording.study_files import STUDY, study_progress
 
     with progress_bars() as bars:
         written = write_report(folder, out, progress=bar(bars, "drawing figures"))
     show_files([written], as_json)
+    if (folder / STUDY).is_file() and (progress := study_progress(folder)).is_unfinished:
+        messages.print(
+            f"unfinished: {progress.text}; hj-cosim study --resume --out {folder} goes on with it",
+            highlight=False,
+            soft_wrap=True,
+            markup=False,
+        )

@@ -1,5 +1,6 @@
 """What the paper claims of its stacks, and what the presets promise, each checked as a difference with its interval.
 
+Both speak of the paper's traffic, so that they are checked in no other.
 A claim about two stacks is checked on the seeds that both have (a paired difference). It holds if the observed
 difference has the right sign, and is certain if the whole 95 % interval has.
 """
@@ -110,7 +111,7 @@ CLAIMS: Mapping[str, Sequence[Claim]] = {
 
 
 def claim_table(rows: Sequence[Row]) -> pd.DataFrame:
-    """Return claims.csv's content: for every scenario and setting, the claims of its preset that its stacks allow.
+    """Return claims.csv's content: for every setting in the paper's traffic, what its stacks allow to be checked.
 
     Columns, after the scenario and the setting: claim, episodes (common to the stacks), excess (the metric less what
     it is compared with), its 95 % interval excess_lo and excess_hi, holds, certain.
@@ -128,9 +129,11 @@ _COLUMNS = ("claim", "episodes", "excess", "excess_lo", "excess_hi", "holds", "c
 
 
 def _places(rows: Sequence[Row]) -> Iterator[tuple[dict[str, Any], str, dict[Stack, RowStatistics]]]:
-    """Yield each scenario and setting with its preset and its stacks."""
+    """Yield each setting in the paper's traffic, which alone the claims are about, with its preset and its stacks."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
+        if not row.cell.is_in_papers_traffic:
+            continue
         groups.setdefault((row.cell.scenario, row.cell.setting), []).append(row)
     for group in groups.values():
         first: Cell = group[0].cell

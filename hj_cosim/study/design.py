@@ -1,15 +1,17 @@
 """What a study consists of: which stacks in which scenarios with which varied knobs, all on the same seeds."""
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.files import file_name
-from hj_cosim.settings import EpisodeConfig, overlay, parse_assignment
-from hj_cosim.study.stacks import PAPER_STACKS, Stack
+from hj_cosim.recording.study_files import StudyRequest, split_variation
+from hj_cosim.settings import EpisodeConfig, Scenario, overlay, parse_assignment
+from hj_cosim.study.stacks import PAPER_STACKS, Stack, parse_stack
 
 # What a row of the table says of itself; varying it would make the row say something else than what was driven.
 _KEYS_OF_A_ROW = ("seed", "preset", "planner.kind", "filter.kind", "filter.scheme", "scenario.name")
@@ -29,17 +31,16 @@ def parse_variation(text: str) -> Variation:
     Raises:
         ConfigurationError: if there is no key, no value, a value twice, or the key is one that the study sets.
     """
-    key, separator, listed = text.partition("=")
-    values = tuple(value.strip() for value in listed.split(","))
-    if not separator or not key.strip() or not all(values):
+    key, values = split_variation(text)
+    if not key or not all(values):
         raise ConfigurationError(f"--vary {text}: write KEY=VALUE,VALUE, for example planner.gamma_r=0.8,0.9,1.0")
     if len(set(values)) < len(values):
         raise ConfigurationError(f"--vary {text}: a value is there twice; every value makes rows of its own")
-    if key.strip() in _KEYS_OF_A_ROW:
+    if key in _KEYS_OF_A_ROW:
         raise ConfigurationError(
-            f"--vary {text}: a study sets {key.strip()} itself; choose stacks, scenarios and seeds instead"
+            f"--vary {text}: a study sets {key} itself; choose stacks, scenarios and seeds instead"
         )
-    return Variation(key.strip(), values)
+    return Variation(key, values)
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,26 @@ class Cell:
     def factors(self) -> dict[str, Any]:
         """Return what tells this row from the others, as the columns that come first in every table."""
         varied = {key: _value(key, text) for key, text in self.setting}
-        stack = {"planner": self.stack.planner, "filter": self.stack.filter, "scheme": self.stack.scheme}
-        return {"scenario": self.scenario, **varied, **stack}
+        return {"scenario": self.scenario, **varied, **self.stack.columns}
+
+    def config_of(self, seed: int) -> EpisodeConfig:
+        """Return the configuration of one of the row's episodes."""
+        return self.config.model_copy(update={"seed": seed})
+
+    @property
+    def is_papers(self) -> bool:
+        """Whether the paper has numbers of this row: one of its stacks drives in its traffic."""
+        return self.stack in PAPER_STACKS and self.is_in_papers_traffic
+
+    @property
+    def is_in_papers_traffic(self) -> bool:
+        """Whether the scenario is `paper` as it comes with the package, nothing in it changed."""
+        return self.config.scenario == _papers_traffic(self.config.preset)
+
+
+@cache
+def _papers_traffic(preset: str) -> Scenario:
+    return resolve_config("paper", preset=preset).scenario
 
 
 def _value(key: str, text: str) -> Any:
@@ -94,12 +113,11 @@ def design_study(
     preset: str = "best",
     stacks: tuple[Stack, ...] = PAPER_STACKS,
     variations: tuple[Variation, ...] = (),
-    flags: Mapping[str, Any] | None = None,
-    assignments: tuple[str, ...] = (),
+    settings: tuple[str, ...] = (),
 ) -> StudyDesign:
     """Return a study of every stack in every scenario with every combination of the varied knobs.
 
-    In a study a collision is counted and driven through, unless an assignment says otherwise.
+    In a study a collision is counted and driven through, unless a setting says otherwise.
 
     Args:
         scenarios: names in sumo_net/ or paths to scenario TOMLs.
@@ -108,8 +126,7 @@ def design_study(
         preset: `best` or `paper`.
         stacks: in the order of the table's rows.
         variations: knobs and their values; the first varies slowest.
-        flags: nested configuration for every episode, as the command line's options give it.
-        assignments: texts `KEY=VALUE` for every episode, as `--set` takes them.
+        settings: texts `KEY=VALUE` for every episode, as `--set` takes them.
 
     Raises:
         ConfigurationError: if anything is unknown, of the wrong type or out of range, or two rows would be the same.
@@ -119,7 +136,7 @@ def design_study(
     if not scenarios or not stacks:
         raise ConfigurationError("a study needs one scenario and one stack or more")
     cells = []
-    base = overlay({"seed": seed, "simulation": {"on_collision": "continue"}}, flags or {})
+    base = {"seed": seed, "simulation": {"on_collision": "continue"}}
     for scenario in scenarios:
         for values in itertools.product(*(variation.values for variation in variations)):
             setting = tuple((variation.key, value) for variation, value in zip(variations, values, strict=True))
@@ -128,12 +145,29 @@ def design_study(
                     scenario,
                     preset=preset,
                     flags=overlay(base, stack.flags),
-                    assignments=[*assignments, *(f"{key}={value}" for key, value in setting)],
+                    assignments=[*settings, *(f"{key}={value}" for key, value in setting)],
                 )
                 cells.append(Cell(config.scenario.name, setting, stack, config))
     design = StudyDesign(tuple(cells), tuple(range(seed, seed + episodes)))
     _require_distinct_rows(design)
     return design
+
+
+def design_of(request: StudyRequest) -> StudyDesign:
+    """Return what a request asks for.
+
+    Raises:
+        ConfigurationError: as design_study.
+    """
+    return design_study(
+        request.scenarios,
+        episodes=request.episodes,
+        seed=request.seed,
+        preset=request.preset,
+        stacks=tuple(parse_stack(text) for text in request.stacks),
+        variations=tuple(parse_variation(text) for text in request.vary),
+        settings=request.set,
+    )
 
 
 def _require_distinct_rows(design: StudyDesign) -> None:

@@ -2,23 +2,26 @@
 
 from pathlib import Path
 
-from hj_cosim.analysis.figures.gallery import draw_figure, read_study_table
+import pandas as pd
+
+from hj_cosim.analysis.figures.density_sweep import density_sweep
+from hj_cosim.analysis.figures.gallery import scenario_densities
 from hj_cosim.analysis.figures.style import save_drawing
 from hj_cosim.analysis.figures.trade_off import trade_off
 from hj_cosim.files import file_name
-from hj_cosim.study.folder import WINDOWS
 from hj_cosim.study.tables import STACK_COLUMNS
 
 
-def draw_figures(study: Path, figures: Path) -> None:
+def draw_figures(study: Path, table: pd.DataFrame, windows: pd.DataFrame, figures: Path) -> None:
     """Draw the paper's trade-off for each scenario and setting, and what density does if there are several scenarios.
 
     Args:
-        study: a study's folder with its tables.
+        study: a study's folder with its episodes.
+        table: table.csv's content.
+        windows: windows.parquet's content.
         figures: where to; made if it is not there.
     """
     figures.mkdir(exist_ok=True)
-    windows = read_study_table(study / WINDOWS, ())
     if windows.empty:
         return
     factors = list(windows.columns[: windows.columns.get_loc(STACK_COLUMNS[0])])
@@ -30,7 +33,7 @@ def draw_figures(study: Path, figures: Path) -> None:
         name = "-".join(["trade-off", *(_part(key, value) for key, value in zip(varying, values, strict=True))])
         save_drawing(trade_off(own), figures / f"{name}.png")
     if varying == ["scenario"]:
-        save_drawing(draw_figure("density-sweep", study=study), figures / "density-sweep.png")
+        save_drawing(density_sweep(table, scenario_densities(study)), figures / "density-sweep.png")
 
 
 def _part(key: str, value: object) -> str:

@@ -1,15 +1,21 @@
 """A study's folder: which episodes are there, what is still to be driven, and where its tables go.
 
-study.toml           what was asked for
-table.csv            a row per stack (and scenario, and value of a varied knob), with intervals
-differences.csv      rows against rows, on the same seeds
-comparison.csv       the paper's numbers beside ours
-episodes.parquet     a row per episode
-windows.parquet      a row per episode and ten seconds: the points of the trade-off figure
-wall_times.csv       what each episode took; all else is the same on every machine and for any number of workers
-episodes/<stack>/<seed>/      a run folder each
-failures/<stack>/<seed>.log   of episodes that failed
-figures/
+study.toml           what was asked for, and by which versions of the program it is driven; --resume reads it
+table.csv            a row per stack (and scenario, and value of a varied knob): episodes, missing ones, and every
+                     metric with its 95 % bootstrap interval over episodes in _lo and _hi; the last to appear
+differences.csv      every two rows that differ in one factor: first minus second on the seeds that both have
+comparison.csv       the paper's numbers (_paper) beside ours, of the paper's stacks in the paper's traffic
+claims.csv           what the paper says of its stacks, or the preset promises, checked in the paper's traffic
+episodes.parquet     a row per episode: its row's factors, seed, and the numbers of its summary.json
+windows.parquet      a row per episode and whole ten seconds, the points of the trade-off figure: factors, seed,
+                     start (s), ttc_p1 (s, the 1st percentile of TTC) and mean_speed (m/s)
+wall_times.csv       what each episode took: factors, seed, wall_seconds, real_time_factor; this alone depends on the
+                     machine, all else is the same on every machine and for any number of workers
+episodes/<stack>/<seed>/      a run folder each, below <scenario>/ and <key>=<value>/ where these vary; without
+                              trajectories.parquet and pictures if the study keeps the robot alone
+failures/<stack>/<seed>.log   of episodes that failed, what the worker printed last
+figures/             trade-off.png, one for each scenario and value of a varied knob, and density-sweep.png if there
+                     are several scenarios
 """
 
 import tomllib
@@ -19,28 +25,31 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-import tomli_w
-
 from hj_cosim.cosim.configuration import config_toml
 from hj_cosim.errors import RunFolderError
 from hj_cosim.files import remove_abandoned, whole_file
-from hj_cosim.recording.run_folder import Keep, require_free_folder
-from hj_cosim.settings import read_toml
-from hj_cosim.study.design import Cell, StudyDesign
+from hj_cosim.recording.run_folder import require_free_folder
+from hj_cosim.recording.study_files import (
+    CLAIMS_TABLE,
+    COMPARISON,
+    DIFFERENCES,
+    EPISODES,
+    EPISODES_TABLE,
+    FAILURES,
+    STUDY,
+    TABLE,
+    WALL_TIMES,
+    WINDOWS,
+    StudyRequest,
+    read_study_file,
+    write_study_file,
+)
+from hj_cosim.study.design import Cell, StudyDesign, design_of
 from hj_cosim.study.jobs import EpisodeJob, Outcome, table_key
 from hj_cosim.study.results import config_of, is_complete
+from hj_cosim.study.tables import read_csv
 
-STUDY = "study.toml"
-TABLE = "table.csv"
-DIFFERENCES = "differences.csv"
-COMPARISON = "comparison.csv"
-CLAIMS_TABLE = "claims.csv"
-EPISODES_TABLE = "episodes.parquet"
-WINDOWS = "windows.parquet"
-WALL_TIMES = "wall_times.csv"
-EPISODES = "episodes"
-FAILURES = "failures"
-FIGURES = "figures"
+_TABLES = (DIFFERENCES, COMPARISON, CLAIMS_TABLE, EPISODES_TABLE, WINDOWS, WALL_TIMES, TABLE)
 
 
 @dataclass(frozen=True)
@@ -58,38 +67,45 @@ class StudyFolder:
     """The folder of a study."""
 
     path: Path
-    design: StudyDesign
+    request: StudyRequest
+    design: StudyDesign  # of the request
 
-    def prepare(self, *, resume: bool) -> None:
-        """Make sure that the study can go here, and clear away what an interrupted one left unfinished.
+    @classmethod
+    def of(cls, path: Path, request: StudyRequest) -> "StudyFolder":
+        """Return the folder of what is asked for; nothing is read or written yet.
 
         Raises:
-            RunFolderError: if the folder holds something else, or a study that is not to be resumed.
+            ConfigurationError: if what is asked for is unknown, of the wrong type or out of range.
         """
-        if not (self.path / STUDY).is_file():
-            require_free_folder(self.path)
-        elif not resume and (self.path / EPISODES).exists():
+        return cls(path, request, design_of(request))
+
+    def begin(self, program: Mapping[str, str], *, resume: bool) -> None:
+        """Check that the study can go here, write study.toml, and clear away what an interrupted one left unfinished.
+
+        Args:
+            program: the version of everything that an episode depends on besides its configuration.
+            resume: go on with the study that is here, which `resumed_study` has read the request from.
+
+        Raises:
+            RunFolderError: if the folder holds something else, a study that is not to be resumed, or episodes of
+                another program or configuration; nothing has been changed then.
+        """
+        if resume:
+            self._require_same_program(program)
+            self._require_same_configurations()
+        elif (self.path / STUDY).is_file():
             raise RunFolderError(
                 f"{self.path} already holds a study; add --resume to go on with it, or choose another --out"
             )
+        else:
+            require_free_folder(self.path)
+        write_study_file(self.path, self.request, program)
         for folder in (self.path, self.path / EPISODES, *(self.path / EPISODES).glob("**/")):
             remove_abandoned(folder)
         rmtree(self.path / FAILURES, ignore_errors=True)
 
-    def require_same_program(self, program: Mapping[str, str]) -> None:
-        """Check that what is there was driven by the same program.
-
-        Args:
-            program: the version of everything that an episode depends on besides its configuration.
-
-        Raises:
-            RunFolderError: if a version is another than study.toml has.
-        """
-        earlier = read_toml(self.path / STUDY).get("program", {}) if (self.path / STUDY).is_file() else {}
-        if not isinstance(earlier, dict):
-            raise RunFolderError(
-                f"{self.path / STUDY}: program = {earlier!r} is no table of versions; choose another --out"
-            )
+    def _require_same_program(self, program: Mapping[str, str]) -> None:
+        earlier = read_study_file(self.path).program
         for name in sorted(earlier.keys() & program.keys()):
             if earlier[name] != program[name]:
                 raise RunFolderError(
@@ -97,38 +113,44 @@ class StudyFolder:
                     " episodes of both would not be comparable, so choose another --out"
                 )
 
-    def describe(self, request: Mapping[str, Any], program: Mapping[str, str]) -> None:
-        """Write study.toml, which marks the folder as a study's: what was asked for, and of which program."""
-        with whole_file(self.path / STUDY) as temporary:
-            temporary.write_text(tomli_w.dumps({**request, "program": dict(program)}), encoding="utf-8")
+    def _require_same_configurations(self) -> None:
+        for cell, seed in self.design.episodes():
+            run_folder = self.run_folder(cell, seed)
+            if not is_complete(run_folder):
+                continue
+            earlier, now = config_of(run_folder), config_toml(cell.config_of(seed))
+            if earlier != now:
+                raise RunFolderError(
+                    f"{run_folder} was driven with another configuration than the study has now:"
+                    f" {_first_difference(earlier, now)}; undo that in the scenario's file, or choose another --out"
+                )
 
     def run_folder(self, cell: Cell, seed: int) -> Path:
         """Return the run folder of an episode."""
         return self.path / EPISODES / self.design.folder_name(cell) / str(seed)
 
-    def remaining_jobs(self, table_files: Mapping[str, Path], keep: Keep = "all") -> list[EpisodeJob]:
+    def remaining_jobs(self, table_files: Mapping[str, Path]) -> list[EpisodeJob]:
         """Return the episodes that are not there yet.
 
         Args:
             table_files: the solved value table of each `table_key` of the configurations.
-            keep: what their run folders are to hold.
-
-        Raises:
-            RunFolderError: if an episode that is there was driven with another configuration.
         """
-        jobs = []
-        for cell, seed in self.design.episodes():
-            config = cell.config.model_copy(update={"seed": seed})
-            run_folder = self.run_folder(cell, seed)
-            if not is_complete(run_folder):
-                jobs.append(EpisodeJob(config, table_files[table_key(config)], run_folder, keep))
-            elif (earlier := config_of(run_folder)) != config_toml(config):
-                raise RunFolderError(
-                    f"{run_folder} was driven with another configuration than is asked for now:"
-                    f" {_first_difference(earlier, config_toml(config))}; resume with the options in"
-                    f" {self.path / STUDY}, or choose another --out"
-                )
-        return jobs
+        return [
+            EpisodeJob(cell.config_of(seed), table_files[table_key(cell.config)], folder, self.request.keep)
+            for cell, seed in self.design.episodes()
+            if not is_complete(folder := self.run_folder(cell, seed))
+        ]
+
+    def is_finished(self) -> bool:
+        """Return whether every episode is there, and all tables are of all of them."""
+        if not all((self.path / name).is_file() for name in _TABLES):
+            return False
+        try:
+            episodes = list(read_csv(self.path / TABLE)["episodes"])
+        except (KeyError, ValueError):  # somebody wrote into it: it is made anew
+            return False
+        of_all = [len(self.design.seeds)] * len(self.design.cells)
+        return episodes == of_all and all(is_complete(self.run_folder(*episode)) for episode in self.design.episodes())
 
     def keep_log(self, outcome: Outcome) -> Failure:
         """Write the log of an episode that failed, and return what is known of it."""

@@ -5,41 +5,45 @@ from contextlib import closing
 from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import count
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from hj_cosim import __version__
+from hj_cosim.errors import ConfigurationError, RunFolderError
 from hj_cosim.locations import runs_folder
-from hj_cosim.reachability.table.store import kept_table, load_table, specification_hash
-from hj_cosim.recording.run_folder import Keep
-from hj_cosim.study.claims import claim_table
-from hj_cosim.study.cluster import DaskCluster
-from hj_cosim.study.design import StudyDesign, design_study, parse_variation
-from hj_cosim.study.driving import drive_episode
-from hj_cosim.study.figures import draw_figures
-from hj_cosim.study.folder import (
+from hj_cosim.reachability.table.store import KeptTable, kept_table, load_table
+from hj_cosim.recording.study_files import (
     CLAIMS_TABLE,
     COMPARISON,
     DIFFERENCES,
     EPISODES_TABLE,
     FIGURES,
+    STUDY,
     TABLE,
     WALL_TIMES,
     WINDOWS,
-    Failure,
-    StudyFolder,
 )
+from hj_cosim.settings import shown
+from hj_cosim.study.claims import claim_table
+from hj_cosim.study.cluster import DaskCluster
+from hj_cosim.study.design import StudyDesign
+from hj_cosim.study.driving import drive_episode
+from hj_cosim.study.figures import draw_figures
+from hj_cosim.study.folder import Failure, StudyFolder
 from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob, table_key
 from hj_cosim.study.local_workers import LocalWorkers
+from hj_cosim.study.request import Texts, given_fields, given_path, new_study, resumed_study
 from hj_cosim.study.results import is_complete, read_result
-from hj_cosim.study.stacks import PAPER_STACKS, Stack
+from hj_cosim.study.stacks import Stack
 from hj_cosim.study.statistics import RowStatistics
 from hj_cosim.study.tables import (
     Row,
     comparison_table,
     difference_table,
+    read_csv,
     study_table,
     write_csv,
     write_parquet,
@@ -50,52 +54,67 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Study:
-    """A study that has been carried out."""
+    """A study that has been carried out: its folder and the tables in it (`study.folder` lists every file).
+
+    Speeds are in m/s, accelerations in m/s², times in s, interventions in percent of the samples.
+    """
 
     folder: Path
-    table: pd.DataFrame  # table.csv
-    differences: pd.DataFrame  # differences.csv
-    comparison: pd.DataFrame  # comparison.csv
-    claims: pd.DataFrame  # claims.csv
-    failures: tuple[Failure, ...]
+    table: pd.DataFrame  # table.csv: a row per configuration, every metric with its 95 % interval in _lo and _hi
+    differences: pd.DataFrame  # differences.csv: two rows that differ in one factor, on the seeds that both have
+    comparison: pd.DataFrame  # comparison.csv: the paper's numbers beside ours; empty in other traffic than the paper's
+    claims: pd.DataFrame  # claims.csv: what the paper says, checked; empty in other traffic than the paper's
+    failures: tuple[Failure, ...]  # episodes that could not be driven this time, and why
+
+    @property
+    def missing(self) -> int:
+        """The number of episodes that are not in the tables, because they failed; --resume drives them again."""
+        return int(self.table["missing"].sum())
 
 
 def run_study(
-    scenarios: str | Sequence[str] = "paper",
+    scenarios: Texts | None = None,
     *,
-    episodes: int = 20,
-    seed: int = 0,
-    preset: str = "best",
-    stacks: Sequence[Stack] = PAPER_STACKS,
-    vary: Sequence[str] = (),
-    assignments: Sequence[str] = (),
+    episodes: int | None = None,
+    seed: int | None = None,
+    preset: str | None = None,
+    stacks: Stack | str | Sequence[Stack | str] | None = None,
+    vary: Texts | None = None,
+    settings: Texts | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
-    keep: Keep = "all",
+    keep: str | None = None,
     resume: bool = False,
-    folder: Path | None = None,
+    out: PathLike[str] | str | None = None,
     progress: Progress | None = None,
     solving: Progress | None = None,
 ) -> Study:
-    """Drive every stack in every scenario on the same seeds, and write the study's folder (SPEC section 2).
+    """Drive every stack in every scenario on the same seeds, and write the study's folder, as `hj-cosim study` does.
 
     The tables and figures depend on what is asked for alone: not on the number of workers, their kind, or whether
-    the study was killed and resumed. Wall times are kept apart, in wall_times.csv.
+    the study was killed and resumed. Wall times are kept apart, in wall_times.csv. What is asked for is kept in the
+    folder's study.toml, so that `run_study(resume=True, out=...)` goes on with any study, and does nothing to a
+    finished one.
+
+    The method is the paper's (section Experimental Results) on paired seeds: all rows meet the same traffic. Intervals
+    are bootstrap intervals over episodes (Efron & Tibshirani 1993).
 
     Args:
-        scenarios: names in sumo_net/ or paths to scenario TOMLs.
-        episodes: per row of the table.
-        seed: the first of `episodes` consecutive seeds, the same for every row.
-        preset: `best` or `paper`.
-        stacks: planner, filter and scheme, in the order of the table's rows; the paper's ten by default.
+        scenarios: names in sumo_net/ or paths to scenario TOMLs, one or several; `paper` unless given.
+        episodes: per row of the table; 20 unless given.
+        seed: the first of `episodes` consecutive seeds, the same for every row; 0 unless given.
+        preset: `best` (unless given) or `paper`.
+        stacks: planner, filter and scheme, in the order of the table's rows, as texts that `study.stacks.parse_stack`
+            reads (`hjop-spc-mi`, `mine.py:KeepRight/spc-mi`) or as `Stack`s; the paper's ten unless given.
         vary: texts `KEY=VALUE,VALUE`, a row per combination, for example `planner.gamma_r=0.8,0.9,1.0`.
-        assignments: texts `KEY=VALUE` for every episode, as `hj-cosim run --set` takes them.
+        settings: texts `KEY=VALUE` for every episode, as `run_episode` takes them.
         workers: processes on this machine, as many as there are cores unless told otherwise.
         scheduler: address of a Dask scheduler whose workers are to drive instead, for example tcp://10.0.0.1:8786.
-        keep: `all` that a run folder holds, or without the cars' trajectories (`robot`), a twentieth of the size.
-        resume: go on with the study in `folder`, which must have been asked for in the same way; more episodes than
-            before are fine. What is there is kept, what is missing or failed is driven.
-        folder: where; a new one in runs/ by default.
+        keep: `all` that a run folder holds (unless given), or without the cars' trajectories (`robot`), a twentieth of
+            the size.
+        resume: go on with the study in `out`. What is there is kept, what is missing or failed is driven. What is
+            given besides must be what the study has; more episodes are fine.
+        out: the study's folder; a new one in runs/ unless given.
         progress: called with the episodes done, failed ones included, and the episodes in all.
         solving: called with the steps done and the steps in all while a value table is solved.
 
@@ -103,44 +122,62 @@ def run_study(
         The tables, and which episodes failed; these are missing in the tables.
 
     Raises:
-        ConfigurationError: if anything is unknown, of the wrong type or out of range.
-        RunFolderError: if `folder` is in use and not to be resumed, or holds another study, or cannot be written.
+        ConfigurationError: if anything is unknown, of the wrong type or out of range, or another study is to be resumed
+            than is asked for.
+        RunFolderError: if `out` is in use and not to be resumed, or cannot be written, or holds episodes of another
+            version of the program.
         WorkerError: if workers cannot be started, or the scheduler cannot be reached.
     """
-    design = design_study(
-        (scenarios,) if isinstance(scenarios, str) else tuple(scenarios),
+    given = given_fields(
+        scenarios=scenarios,
+        stacks=stacks,
         episodes=episodes,
         seed=seed,
         preset=preset,
-        stacks=tuple(stacks),
-        variations=tuple(parse_variation(text) for text in vary),
-        assignments=tuple(assignments),
-    )
-    engine: Engine = LocalWorkers(workers) if scheduler is None else DaskCluster(scheduler)
-    study_folder = StudyFolder(folder or new_study_folder(design), design)
-    study_folder.prepare(resume=resume)
-    driven = {table_key(cell.config): cell.config for cell in design.cells}
-    tables = {key: load_table(config.table, solving, robot=config.robot) for key, config in sorted(driven.items())}
-    request = {
-        "scenarios": [scenarios] if isinstance(scenarios, str) else list(scenarios),
-        "stacks": [stack.name for stack in stacks],
-        "episodes": episodes,
-        "seed": seed,
-        "preset": preset,
-        "vary": list(vary),
-        "set": list(assignments),
-    }
-    hashes = {f"table {name}": specification_hash(table.specification, table.game) for name, table in tables.items()}
-    return conduct(
-        study_folder,
-        engine,
-        request=request,
-        program={"hj-cosim": __version__, "libsumo": version("libsumo"), **hashes},
-        function=drive_episode,
-        table_files={key: kept_table(config.table, config.robot).path for key, config in driven.items()},
+        vary=vary,
+        set=settings,
         keep=keep,
-        progress=progress,
     )
+    engine = _engine(workers, scheduler)
+    folder = _study_folder(given_path(out), given, resume=resume)
+    driven = {table_key(cell.config): cell.config for cell in folder.design.cells}
+    kept = {key: kept_table(config.table, config.robot) for key, config in sorted(driven.items())}
+    folder.begin(_program(kept), resume=resume)
+    if folder.is_finished():
+        return read_study(folder.path)
+    for config in driven.values():
+        load_table(config.table, solving, robot=config.robot)
+    table_files = {key: table.path for key, table in kept.items()}
+    return conduct(folder, engine, function=drive_episode, table_files=table_files, progress=progress)
+
+
+def _study_folder(out: Path | None, given: Mapping[str, Any], *, resume: bool) -> StudyFolder:
+    """Return the folder of the study that is asked for; nothing is written yet."""
+    if resume:
+        if out is None:
+            raise ConfigurationError("to resume a study, give its folder: --resume --out DIR")
+        request = resumed_study(out, given)
+        try:
+            return StudyFolder.of(out, request)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{out / STUDY}: {error}") from error
+    request = new_study(given)
+    folder = StudyFolder.of(out or Path(), request)
+    return folder if out is not None else StudyFolder(new_study_folder(folder.design), request, folder.design)
+
+
+def _engine(workers: Any, scheduler: Any) -> Engine:
+    if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool)):
+        raise ConfigurationError(f"workers = {shown(repr(workers))} is no whole number; give how many to start")
+    if scheduler is not None and not isinstance(scheduler, str):
+        raise ConfigurationError(f"scheduler = {shown(repr(scheduler))} is no text; give its address, tcp://HOST:PORT")
+    return LocalWorkers(workers) if scheduler is None else DaskCluster(scheduler)
+
+
+def _program(tables: Mapping[str, KeptTable]) -> dict[str, str]:
+    """Return the version of everything that an episode depends on besides its configuration."""
+    program = {"hj-cosim": __version__, "libsumo": version("libsumo")}
+    return program | {f"table {name}": table.identity for name, table in tables.items()}
 
 
 def new_study_folder(design: StudyDesign) -> Path:
@@ -155,31 +192,23 @@ def conduct(
     folder: StudyFolder,
     engine: Engine,
     *,
-    request: Mapping[str, Any],
-    program: Mapping[str, str],
     function: EpisodeFunction,
     table_files: Mapping[str, Path],
-    keep: Keep = "all",
     progress: Progress | None = None,
 ) -> Study:
     """Drive what a study's folder lacks, and write its tables.
 
     Args:
-        folder: the study's, prepared.
+        folder: the study's, begun.
         engine: where the episodes are driven.
-        request: what was asked for, for study.toml.
-        program: the version of everything that an episode depends on besides its configuration.
         function: how one is driven.
         table_files: the solved value table of each `table_key` of the configurations.
-        keep: what the run folders are to hold.
         progress: called with the episodes done and the episodes in all.
 
     Raises:
         RunFolderError, WorkerError: as `run_study`.
     """
-    folder.require_same_program(program)
-    jobs = folder.remaining_jobs(table_files, keep)
-    folder.describe(request, program)
+    jobs = folder.remaining_jobs(table_files)
     total = len(folder.design.cells) * len(folder.design.seeds)
     present = total - len(jobs)
 
@@ -234,16 +263,37 @@ def write_tables(folder: StudyFolder, failures: tuple[Failure, ...] = ()) -> Stu
             wall_times.append({**factors, **result.timing})
         rows.append(Row(cell, RowStatistics(results), len(folder.design.seeds) - len(results)))
     table = study_table(rows)
-    study = Study(folder.path, table, difference_table(rows), comparison_table(table), claim_table(rows), failures)
-    write_csv(study.table, folder.path / TABLE)
+    study = Study(folder.path, table, difference_table(rows), comparison_table(rows), claim_table(rows), failures)
     write_csv(study.differences, folder.path / DIFFERENCES)
     write_csv(study.comparison, folder.path / COMPARISON)
     write_csv(study.claims, folder.path / CLAIMS_TABLE)
     write_csv(pd.DataFrame(wall_times), folder.path / WALL_TIMES)
     write_parquet(episodes, folder.path / EPISODES_TABLE)
     write_parquet(windows, folder.path / WINDOWS)
-    draw_figures(folder.path, folder.path / FIGURES)
+    draw_figures(folder.path, study.table, pd.DataFrame(windows), folder.path / FIGURES)
+    write_csv(study.table, folder.path / TABLE)  # the last: a study that has it has all others
     return study
+
+
+def read_study(folder: PathLike[str] | str) -> Study:
+    """Return a study as its folder has it.
+
+    Args:
+        folder: what `run_study` or `hj-cosim study` wrote.
+
+    Raises:
+        RunFolderError: if it holds no study, or one that is not finished.
+    """
+    path = Path(folder)
+    names = (TABLE, DIFFERENCES, COMPARISON, CLAIMS_TABLE)
+    for name in names:
+        if not (path / name).is_file():
+            raise RunFolderError(f"{path} holds no finished study: {name} is missing; run or --resume the study first")
+    try:
+        table, differences, comparison, claims = (read_csv(path / name) for name in names)
+    except (OSError, ValueError) as error:
+        raise RunFolderError(f"{path} holds no readable study: {error}; --resume makes its tables anew") from error
+    return Study(path, table, differences, comparison, claims, failures=())
 
 
 def _without(summary: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:

@@ -80,16 +80,17 @@ def paper_table() -> pd.DataFrame:
         return pd.read_csv(stream)
 
 
-def comparison_table(table: pd.DataFrame) -> pd.DataFrame:
+def comparison_table(rows: Sequence[Row]) -> pd.DataFrame:
     """Return the paper's metrics of a study's rows, ours with its interval and the paper's beside it in `_paper`.
 
-    Args:
-        table: as `study_table` returns it, or as read from table.csv; rows that the paper does not have are left out.
+    Rows that the paper does not have are left out: other stacks, and other traffic than the paper's.
     """
     paper = paper_table()
+    table = study_table(rows)
     metrics = [name for name in paper.columns if name not in STACK_COLUMNS and name in table.columns]
-    factors = list(table.columns[: table.columns.get_loc("episodes")])
-    merged = table.merge(paper, on=list(STACK_COLUMNS), suffixes=("", "_paper"))
+    factors = list(rows[0].cell.factors)
+    of_paper = table[[row.cell.is_papers for row in rows]]
+    merged = of_paper.merge(paper, on=list(STACK_COLUMNS), suffixes=("", "_paper"))
     columns = [f"{name}{ending}" for name in metrics for ending in ("", "_lo", "_hi", "_paper")]
     return merged[[*factors, "episodes", *columns]]
 
@@ -104,3 +105,8 @@ def write_parquet(records: Iterable[Mapping[str, Any]], path: Path) -> None:
     """Write records of the same keys as Parquet, whole or not at all; nothing in it tells when or where."""
     with whole_file(path) as temporary:
         pq.write_table(pa.Table.from_pylist(list(records)), temporary, compression="zstd")
+
+
+def read_csv(path: Path) -> pd.DataFrame:
+    """Return a table as `write_csv` wrote it; no name is taken for a missing number."""
+    return pd.read_csv(path, keep_default_na=False, na_values=[""])

@@ -12,7 +12,7 @@ from numba import njit
 
 from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.control.problem.safety_problem import available_controls
-from hj_cosim.control.spc.escape import Extent, is_to_be_looked_at, keep_escape
+from hj_cosim.control.spc.escape import NO_MANOEUVRE, Extent, is_to_be_looked_at, keep_escape
 from hj_cosim.control.spc.recovery import recovery_rate
 from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres
 from hj_cosim.reachability.games.highway.other_car import Disturbance
@@ -68,7 +68,7 @@ def _gradient_within(game: Game, state: np.ndarray, gradient: np.ndarray) -> flo
 
 
 @njit(cache=True)
-def _game_step(robot: np.ndarray, omega: float, acceleration: float, speed_max: float, step: float) -> None:
+def game_step(robot: np.ndarray, omega: float, acceleration: float, speed_max: float, step: float) -> None:
     """Move the robot as the game's unicycle does, in place; Simpson's rule along the turn is exact to step⁵."""
     speed, heading = robot[3], robot[2]
     end = min(max(speed + acceleration * step, 0.0), speed_max)
@@ -80,6 +80,37 @@ def _game_step(robot: np.ndarray, omega: float, acceleration: float, speed_max: 
         step / 6.0 * (speed * math.sin(heading) + 4.0 * middle * math.sin(middle_heading) + end * math.sin(end_heading))
     )
     robot[2], robot[3] = end_heading, end
+
+
+@njit(cache=True)
+def bodies_overlap(p_x: float, p_y: float, theta: float, length: float, width: float) -> bool:
+    """Return whether the robot's rectangle, turned by θ, overlaps the other car's, which lies along the road.
+
+    By the separating axis theorem.
+
+    Args:
+        p_x, p_y: m, between the centres, robot − other.
+        theta: rad, |θ| <= π/2.
+        length, width: m, of both.
+    """
+    cos, sin = math.cos(theta), math.sin(theta)
+    reach_along = 0.5 * (length + length * cos + width * abs(sin))
+    reach_across = 0.5 * (width + length * abs(sin) + width * cos)
+    return (
+        abs(p_x) < reach_along
+        and abs(p_y) < reach_across
+        and abs(p_x * cos + p_y * sin) < reach_along
+        and abs(p_y * cos - p_x * sin) < reach_across
+    )
+
+
+@njit(cache=True)
+def where_bodies_overlap(states: np.ndarray, length: float, width: float) -> np.ndarray:
+    """Return at which relative states (n, 5) they do, (n,) bool."""
+    found = np.empty(len(states), np.bool_)
+    for i in range(len(states)):
+        found[i] = bodies_overlap(states[i, 0], states[i, 1], states[i, 2], length, width)
+    return found
 
 
 @njit(cache=True)
@@ -126,7 +157,7 @@ def _roll_out(
     looked_at, in_k = np.empty(cars, np.int64), np.empty(cars, np.bool_)
     relative, steepest = np.empty(5), np.zeros(2)
     cruising = others[:, 2].copy()
-    previous_omega = 0.0
+    previous_omega, driven = 0.0, NO_MANOEUVRE
     for sample in range(samples + 1):
         count, near, least = 0, 0, math.inf
         for j in range(cars):
@@ -151,6 +182,8 @@ def _roll_out(
             break
         omega, acceleration = _desired_control(game, desire, sample, robot[2], steepest, random)
         box = available_controls(game.limits, robot[2], robot[3], game.bounds, game.step)
+        omega = min(max(omega, box[0]), box[1])
+        acceleration = min(max(acceleration, box[2]), box[3])
         slack[sample] = np.nan
         if count > 0:
             wanted = previous_omega if game.slack_is_free else omega
@@ -159,8 +192,8 @@ def _roll_out(
             )
         if near > 0 and len(game.manoeuvres.heading) > 0:
             among = looked_at[:near]
-            omega, acceleration, _ = keep_escape(
-                game.manoeuvres, robot, others[among], in_k[among], omega, acceleration, game.step
+            omega, acceleration, _, driven = keep_escape(
+                game.manoeuvres, robot, others[among], in_k[among], omega, acceleration, game.step, driven
             )
             omega = min(max(omega, box[0]), box[1])
             acceleration = min(max(acceleration, box[2]), box[3])
@@ -178,15 +211,15 @@ def _roll_out(
                     idm_acceleration(others[j, 2], gap, robot[3], game.driver), game.other.acceleration_min
                 )
             end = min(max(others[j, 2] + other_acceleration * game.step, 0.0), game.other_speed_max)
-            driven = 0.5 * (others[j, 2] + end) * game.step
-            others[j, 0] += driven * math.cos(heading)
-            others[j, 1] += driven * math.sin(heading)
+            way = 0.5 * (others[j, 2] + end) * game.step
+            others[j, 0] += way * math.cos(heading)
+            others[j, 1] += way * math.sin(heading)
             others[j, 2] = end
         if bicycle:
             steering = steering_for(omega, robot[3], game.wheelbase)
             robot[:] = bicycle_step(robot, steering, acceleration, game.wheelbase, game.bounds[3], game.step)
         else:
-            _game_step(robot, omega, acceleration, game.bounds[3], game.step)
+            game_step(robot, omega, acceleration, game.bounds[3], game.step)
 
 
 @njit(cache=True, nogil=True)

@@ -35,7 +35,15 @@ from hj_cosim.reachability.games.highway.other_car import Disturbance
 from hj_cosim.reachability.solver.solver import Progress
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import FilterSettings, RobotSettings, TrackingSettings
-from hj_cosim.verification.filter_games import COLLIDE, CRUISE, RANDOM, RANDOM_HOLD, Game, roll_out_all
+from hj_cosim.verification.filter_games import (
+    COLLIDE,
+    CRUISE,
+    RANDOM,
+    RANDOM_HOLD,
+    Game,
+    roll_out_all,
+    where_bodies_overlap,
+)
 
 Desire = Literal["cruise", "random", "collide"]
 Model = Literal["game", "bicycle"]
@@ -113,7 +121,7 @@ def measure_guarantee(
     """
     filter_settings = filter_settings or FilterSettings()
     robot = robot or RobotSettings()
-    game = _game_of(table, settings, filter_settings, robot)
+    game = game_of(table, settings, filter_settings, robot)
     generator = np.random.default_rng(settings.seed)
     robots, others = _starts(table, game, settings, generator)
     holds = math.ceil(settings.duration / settings.step / RANDOM_HOLD)
@@ -136,13 +144,18 @@ def measure_guarantee(
     return _report(settings, filter_settings.epsilon, int((~escapes).sum()), parts)
 
 
-def _game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, robot: RobotSettings) -> Game:
+def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, robot: RobotSettings) -> Game:
+    """Return what stays the same over all rollouts, as the kernels take it.
+
+    Raises:
+        TableError: if the table is not of the highway game.
+    """
     weights = SafetyWeights.of(spc, robot)
-    grid = table.grid
+    grid, turn = table.grid, robot.omega_max * settings.step  # as SPC keeps away from the table's last heading
     return Game(
         table=table.arrays,
         limits=np.array([-robot.omega_max, robot.omega_max, robot.acceleration_min, robot.acceleration_max]),
-        bounds=np.array([grid.lower[2], grid.upper[2], 0.0, min(robot.speed_max, grid.upper[3])]),
+        bounds=np.array([grid.lower[2] + turn, grid.upper[2] - turn, 0.0, min(robot.speed_max, grid.upper[3])]),
         other_speed_max=float(grid.upper[4]),
         weights=np.array([weights.omega, weights.acceleration, weights.slack]),
         slack_is_free=weights.slack_is_free,
@@ -240,29 +253,18 @@ def _simulate_and_judge(
     in_k = np.isfinite(slack)
     return _Judged(
         fall=np.maximum(game.epsilon - values.min(axis=(1, 2)), 0.0),
-        collided=int(_bodies_overlap(states, game).any(axis=(1, 2)).sum()),
-        collided_unturned=int(_bodies_overlap(states * [1, 1, 0, 1, 1], game).any(axis=(1, 2)).sum()),
+        collided=_collided(states, game),
+        collided_unturned=_collided(states * [1, 1, 0, 1, 1], game),
         causes=np.array(causes, dtype=int),
         in_k=int(in_k.sum()),
         unmet=int((slack[in_k] > 1e-6).sum()),
     )
 
 
-def _bodies_overlap(states: np.ndarray, game: Game) -> np.ndarray:
-    """Return where the robot's rectangle, turned by θ, overlaps the other car's, which lies along the road.
-
-    By the separating axis theorem; `states` (..., 5).
-    """
-    cos, sin = np.cos(states[..., 2]), np.sin(states[..., 2])
-    reach_along = 0.5 * (game.length + game.length * cos + game.width * np.abs(sin))
-    reach_across = 0.5 * (game.width + game.length * np.abs(sin) + game.width * cos)
-    x, y = states[..., 0], states[..., 1]
-    return (
-        (np.abs(x) < reach_along)
-        & (np.abs(y) < reach_across)
-        & (np.abs(x * cos + y * sin) < reach_along)
-        & (np.abs(y * cos - x * sin) < reach_across)
-    )
+def _collided(states: np.ndarray, game: Game) -> int:
+    """Return in how many of the rollouts, (n, samples, cars, 5), bodies overlap."""
+    overlap = where_bodies_overlap(states.reshape(-1, 5), game.length, game.width)
+    return int(overlap.reshape(len(states), -1).any(axis=1).sum())
 
 
 def _cause(value: np.ndarray, target: np.ndarray, slack: np.ndarray, game: Game) -> int:

@@ -65,8 +65,8 @@ def test_a_workers_memory_does_not_grow_over_1000_episodes(small_specification, 
         "paper",
         episodes=SEEDS,
         workers=1,
-        assignments=("simulation.duration=2", f"table={small_specification}"),
-        folder=tmp_path / "study",
+        settings=("simulation.duration=2", f"table={small_specification}"),
+        out=tmp_path / "study",
         progress=measure,
     )
     print(f"  {EPISODES} episodes and their tables in {time.monotonic() - started:.0f} s")

@@ -17,10 +17,10 @@ from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.metrics.summary import summarize, timing
 from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.reachability.table.store import find_specification, load_table, table_path
-from hj_cosim.study.design import design_study
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.folder import StudyFolder
 from hj_cosim.study.local_workers import LocalWorkers
+from hj_cosim.study.request import new_study
 from hj_cosim.traffic.sumo.world import SumoWorld
 
 EPISODES_A_STACK = 2
@@ -31,16 +31,16 @@ TABLE_OF_THE_PAPER = 200  # episodes
 def test_episodes_a_minute(benchmark, workers, tmp_path):
     """The ten stacks of `best`; the first episode of each worker, which compiles or loads kernels, counts."""
     load_table("highway")
-    design = design_study(episodes=EPISODES_A_STACK)
+    request = new_study({"episodes": EPISODES_A_STACK})
     table = {"highway": table_path(find_specification("highway"))}
     rounds = iter(range(100))
 
     def drive_them() -> None:
-        jobs = StudyFolder(tmp_path / str(next(rounds)), design).remaining_jobs(table)
+        jobs = StudyFolder.of(tmp_path / str(next(rounds)), request).remaining_jobs(table)
         assert all(outcome.error is None for outcome in LocalWorkers(workers).run(jobs, drive_episode))
 
     benchmark.pedantic(drive_them, rounds=1, warmup_rounds=0)
-    count = len(design.cells) * EPISODES_A_STACK
+    count = request.rows * EPISODES_A_STACK
     seconds = benchmark.stats.stats.min
     print(
         f"\n{workers} workers: {count} episodes in {seconds:.1f} s, {60.0 * count / seconds:.0f} a minute;"

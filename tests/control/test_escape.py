@@ -1,8 +1,17 @@
 import numpy as np
 import pytest
 from filter_in_loop import FilterInLoop
+from fine_simulation import guaranteed_by_simulation
 
-from hj_cosim.control.spc.escape import ESCAPING, NO_ESCAPE, PASSED, can_escape, keep_escape, manoeuvres_for
+from hj_cosim.control.spc.escape import (
+    ESCAPING,
+    NO_ESCAPE,
+    NO_MANOEUVRE,
+    PASSED,
+    can_escape,
+    keep_escape,
+    manoeuvres_for,
+)
 from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE
 from hj_cosim.errors import TableError
 from hj_cosim.reachability.games.highway.manoeuvres import lower_bounds
@@ -19,9 +28,10 @@ def manoeuvres(table):
     return manoeuvres_for(table, ROBOT)
 
 
-def kept(manoeuvres, robot, others, control=FULL_SPEED, in_k=True):
-    others = np.array(others, float).reshape(-1, 3)
-    return keep_escape(manoeuvres, np.array(robot, float), others, np.full(len(others), in_k), *control, STEP)
+def kept(manoeuvres, robot, others, control=FULL_SPEED, in_k=True, driven=NO_MANOEUVRE):
+    """Return ω, a, the verdict and the manoeuvre."""
+    others, robot = np.array(others, float).reshape(-1, 3), np.array(robot, float)
+    return keep_escape(manoeuvres, robot, others, np.full(len(others), in_k), *control, STEP, driven)
 
 
 def distance_behind(table, margin):
@@ -32,26 +42,77 @@ def distance_behind(table, margin):
 
 @pytest.mark.parametrize("in_k", [True, False])
 def test_a_control_passes_as_long_as_braking_afterwards_is_in_time(table, manoeuvres, in_k):
-    far, near = distance_behind(table, 1.0), distance_behind(table, 0.05)
-    assert kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], [[far, 0.0, 22.0]], in_k=in_k) == (*FULL_SPEED, PASSED)
+    far, near = distance_behind(table, 1.2), distance_behind(table, 0.05)
+    assert kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], [[far, 0.0, 22.0]], in_k=in_k) == (*FULL_SPEED, PASSED, NO_MANOEUVRE)
     assert kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], [[near, 0.0, 22.0]], in_k=in_k)[2] == ESCAPING
 
 
 def test_an_escape_is_a_manoeuvre_s_own_control(table, manoeuvres):
     # A car to the left, so close that the robot may no longer turn towards it.
-    omega, acceleration, verdict = kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], [[0.0, 3.0, 25.0]], control=(0.3, 4.0))
+    omega, acceleration, verdict, driven = kept(
+        manoeuvres, [0.0, 0.0, 0.0, 25.0], [[0.0, 3.0, 25.0]], control=(0.3, 4.0)
+    )
     assert verdict == ESCAPING
     assert omega == -0.3
-    assert acceleration in manoeuvres.acceleration
+    assert acceleration == manoeuvres.acceleration[driven]
 
 
 def test_no_car_is_no_reason_to_escape(manoeuvres):
-    assert kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], []) == (*FULL_SPEED, PASSED)
+    assert kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], []) == (*FULL_SPEED, PASSED, NO_MANOEUVRE)
 
 
-def test_where_nothing_escapes_the_control_passes(manoeuvres):
-    boxed_in = [[7.0, 0.0, 20.0], [-7.0, 0.0, 30.0], [0.0, 3.0, 25.0], [0.0, -3.0, 25.0]]
-    assert kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], boxed_in) == (*FULL_SPEED, NO_ESCAPE)
+BOXED_IN = [[7.0, 0.0, 20.0], [-7.0, 0.0, 30.0], [0.0, 3.0, 25.0], [0.0, -3.0, 25.0]]
+
+
+def test_where_nothing_escapes_the_manoeuvre_that_guarantees_most_is_driven(table, manoeuvres):
+    # A little too close behind a slower car, braking straight on loses nothing more; ahead of a faster one, driving on.
+    gap = distance_behind(table, -0.5)
+    omega, acceleration, verdict, _ = kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], [[gap, 0.0, 22.0]])
+    assert (omega, acceleration, verdict) == (0.0, ROBOT.acceleration_min, NO_ESCAPE)
+    _, acceleration, verdict, _ = kept(manoeuvres, [0.0, 0.0, 0.0, 20.0], [[-14.0, 0.0, 25.0]])
+    assert (acceleration, verdict) == (ROBOT.acceleration_max, NO_ESCAPE)
+    assert kept(manoeuvres, [0.0, 0.0, 0.0, 25.0], BOXED_IN)[2] == NO_ESCAPE
+
+
+def test_the_manoeuvre_driven_without_an_escape_is_the_best_by_simulation(table, manoeuvres):
+    states = table.draw_states(30_000, np.random.default_rng(5))
+    bounds = lower_bounds(manoeuvres, states)
+    states = states[(bounds < -0.3) & (bounds > -3.0) & (table.target_values(states) > 0.5)][:200]
+    assert len(states) == 200
+    driven = []
+    for p_x, p_y, heading, v_r, v_o in states:
+        _, _, verdict, which = kept(manoeuvres, [0.0, 0.0, heading, v_r], [[-p_x, -p_y, v_o]])
+        assert verdict == NO_ESCAPE
+        driven.append(which)
+    simulated = np.stack(
+        [
+            guaranteed_by_simulation(table.parameters, states, heading, acceleration)
+            for heading, acceleration in zip(manoeuvres.heading, manoeuvres.acceleration, strict=True)
+        ]
+    )
+    short = simulated.max(axis=0) - simulated[driven, np.arange(len(states))]
+    assert np.quantile(short, 0.95) < 0.1
+    assert short.max() < 1.5
+
+
+def test_an_escape_is_kept_while_it_escapes_though_another_would_guarantee_more(table, manoeuvres):
+    robot, car = [0.0, 0.0, 0.0, 25.0], [[distance_behind(table, 0.05), 0.0, 22.0]]
+    best = kept(manoeuvres, robot, car)[3]
+    escaping = [w for w in range(len(manoeuvres.heading)) if kept(manoeuvres, robot, car, driven=w)[3] == w]
+    assert best in escaping
+    assert 1 < len(escaping) < len(manoeuvres.heading)
+    # One that does not escape is given up for the best.
+    given_up = next(w for w in range(len(manoeuvres.heading)) if w not in escaping)
+    assert kept(manoeuvres, robot, car, driven=given_up)[3] == best
+
+
+def test_the_cars_in_k_have_to_be_escaped_from_together(table, manoeuvres):
+    # From either car by itself a manoeuvre escapes after the control, from both at once none does: K decides.
+    robot, coasting = [0.0, 0.0, 0.0, 25.0], (0.0, 0.0)
+    ahead, behind = [distance_behind(table, 1.0), 0.0, 22.0], [-14.0, 0.0, 24.0]
+    assert [kept(manoeuvres, robot, [car], coasting)[2] for car in (ahead, behind)] == [PASSED, PASSED]
+    assert kept(manoeuvres, robot, [ahead, behind], coasting, in_k=False)[2] == PASSED
+    assert kept(manoeuvres, robot, [ahead, behind], coasting, in_k=True)[2] != PASSED
 
 
 def test_what_escapes_from_each_car_need_not_escape_from_both(table, manoeuvres):
@@ -91,7 +152,7 @@ def test_the_filter_counts_what_it_gave_way_to_and_holds_the_robots_limits(table
     assert result.control.acceleration == ROBOT.acceleration_min
     assert spc.counts == {ESCAPED: 1}
     boxed_in = [[7.0, 4.0, 0.0, 20.0], [-7.0, 4.0, 0.0, 30.0], [0.0, 7.0, 0.0, 25.0], [0.0, 1.0, 0.0, 25.0]]
-    assert not spc.filter(observe([0.0, 4.0, 0.0, 25.0], boxed_in), Control(0.0, 4.0)).escaping
+    assert spc.filter(observe([0.0, 4.0, 0.0, 25.0], boxed_in), Control(0.0, 4.0)).escaping
     assert spc.counts == {ESCAPED: 1, HAD_NO_ESCAPE: 1}
 
 
@@ -114,3 +175,13 @@ def test_a_weaker_robot_escapes_within_its_own_limits(table):
 def test_another_game_s_table_has_no_manoeuvres_to_keep(linear_table):
     with pytest.raises(TableError, match="no manoeuvres"):
         FilterInLoop(FilterSettings(keep_escape=True), linear_table)
+
+
+@pytest.mark.parametrize("keep", [True, False])
+@pytest.mark.parametrize(("heading", "least", "most"), [(0.3999, -0.3, 0.0), (-0.3999, 0.0, 0.3), (0.5, -0.3, -0.3)])
+def test_the_heading_stays_within_the_table_s_though_nobody_is_near(table, observe, keep, heading, least, most):
+    spc = FilterInLoop(FilterSettings(keep_escape=keep), table)
+    for desired in (-0.3, 0.3):
+        result = spc.filter(observe([0.0, 4.0, heading, 25.0], []), Control(desired, 0.0))
+        assert least <= result.control.omega <= most
+        assert abs(heading + result.control.omega * STEP) < max(0.4, abs(heading))

@@ -91,7 +91,7 @@ def test_sw_holds_the_steering_and_meets_the_row_with_as_much_room_as_it_can(lin
 def test_spc_keeps_the_heading_within_the_table(table, observe):
     seen = observe([0.0, 4.0, 0.4, 26.0], [[20.0, 4.0, 0.0, 22.0]])
     result = filter_of(table, kind="spc").filter(seen, Control(0.3, 0.0))
-    assert result.available[1] == 0.0
+    assert result.available[1] <= 0.0
     assert result.control.omega <= 1e-9
 
 

@@ -211,4 +211,5 @@ def test_controls_that_would_leave_the_table_are_not_available_and_those_that_le
     bounds, step = np.array([-0.4, 0.4, 0.0, 40.0]), 0.02
     np.testing.assert_array_equal(available_controls(BOX, 0.0, 20.0, bounds, step), BOX)
     np.testing.assert_allclose(available_controls(BOX, 0.399, 0.01, bounds, step), [-0.3, 0.05, -0.5, 4.0])
-    np.testing.assert_allclose(available_controls(BOX, -0.6, 41.0, bounds, step), [0.0, 0.3, -6.0, 0.0])
+    np.testing.assert_allclose(available_controls(BOX, -0.6, 41.0, bounds, step), [0.3, 0.3, -6.0, 0.0])
+    np.testing.assert_allclose(available_controls(BOX, 0.402, 20.0, bounds, step), [-0.3, -0.1, -6.0, 4.0])

@@ -83,7 +83,21 @@ def test_a_car_beyond_the_grid_in_position_is_safe(rough: TableArrays, state: tu
 
 
 def test_headings_and_speeds_beyond_the_grid_are_clamped_not_safe(rough: TableArrays) -> None:
-    assert value_at(rough, 3.0, 1.0, 9.0, 99.0, -5.0) == value_at(rough, 3.0, 1.0, 0.4, 40.0, 5.0)
+    assert value_at(rough, 3.0, 1.0, 0.4, 99.0, -5.0) == value_at(rough, 3.0, 1.0, 0.4, 40.0, 5.0)
+    assert value_at(rough, 3.0, 1.0, 0.4, 40.0, 5.0) > 0.0
+    for beyond in (0.401, 9.0, -0.401):
+        assert value_at(rough, 3.0, 1.0, beyond, 40.0, 5.0) <= 0.0
+    assert value_at(rough, 1e4, 1.0, 9.0, 40.0, 5.0) == np.inf  # a car that is far away is so however the robot heads
+
+
+def test_with_a_heading_beyond_the_table_no_state_of_the_game_is_called_safe(small_table: ValueTable) -> None:
+    states = states_in(small_table, 11, 5000)
+    assert (small_table.value(states) > 0.0).mean() > 0.5
+    for heading in (-0.45, 0.45):
+        states[:, 2] = heading
+        values, _ = values_and_gradients(small_table.arrays, states)
+        assert (values <= 0.0).all()
+        np.testing.assert_array_equal(values, [value_at(small_table.arrays, *state) for state in states])
 
 
 def test_the_very_faces_belong_to_the_grid(rough: TableArrays) -> None:

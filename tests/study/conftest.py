@@ -8,10 +8,10 @@ from types import ModuleType
 import pytest
 
 from hj_cosim.errors import HjCosimError
-from hj_cosim.study.design import StudyDesign, design_study
+from hj_cosim.study.design import StudyDesign, design_of
 from hj_cosim.study.folder import StudyFolder
 from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob, Outcome
-from hj_cosim.study.stacks import Stack
+from hj_cosim.study.request import new_study, resumed_study
 from hj_cosim.study.study import Study, conduct
 
 
@@ -33,7 +33,8 @@ def in_this_process() -> InThisProcess:
     return InThisProcess()
 
 
-TWO_STACKS = (Stack("hjop", "spc", "mi"), Stack("op", "none"))
+TWO_STACKS = ("hjop-spc-mi", "op-none")
+FOUR_OF_TWO = {"episodes": 4, "stacks": TWO_STACKS}
 
 
 @pytest.fixture
@@ -45,29 +46,38 @@ def synthetic(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 @pytest.fixture
 def design() -> StudyDesign:
-    return design_study(episodes=4, stacks=TWO_STACKS)
+    return design_of(new_study(FOUR_OF_TWO))
 
 
 @pytest.fixture
-def conduct_synthetic(synthetic: ModuleType, design: StudyDesign, tmp_path: Path) -> Callable[..., Study]:
-    """Conduct a study of synthetic episodes; keyword arguments in place of the defaults."""
+def study_folder(tmp_path: Path) -> Callable[..., StudyFolder]:
+    """Return a function that makes the folder of a new study: four episodes of two stacks, unless given otherwise."""
+    return lambda name, **given: StudyFolder.of(tmp_path / name, new_study({**FOUR_OF_TWO, **given}))
+
+
+@pytest.fixture
+def conduct_synthetic(
+    synthetic: ModuleType, study_folder: Callable[..., StudyFolder], tmp_path: Path
+) -> Callable[..., Study]:
+    """Conduct a study of synthetic episodes, new or resumed; keyword arguments are fields of its request."""
     table = tmp_path / "table.npz"
     table.write_bytes(b"no episode here looks into it")
 
     def conduct_it(
-        folder: str,
+        name: str,
         engine: Engine | None = None,
         *,
-        study: StudyDesign = design,
         resume: bool = False,
         version: str = "1.0",
-        **changes,
+        function: EpisodeFunction = synthetic.drive,
+        progress: Callable[[int, int], None] | None = None,
+        **given,
     ) -> Study:
-        place = StudyFolder(tmp_path / folder, study)
-        place.prepare(resume=resume)
-        options = {"function": synthetic.drive, "table_files": {"highway": table}, **changes}
-        program = {"hj-cosim": version}
-        return conduct(place, engine or InThisProcess(), request={"asked": "for"}, program=program, **options)
+        place = tmp_path / name
+        folder = StudyFolder.of(place, resumed_study(place, given)) if resume else study_folder(name, **given)
+        folder.begin({"hj-cosim": version}, resume=resume)
+        tables = {"highway": table, "highway_paper": table}
+        return conduct(folder, engine or InThisProcess(), function=function, table_files=tables, progress=progress)
 
     return conduct_it
 
@@ -75,5 +85,8 @@ def conduct_synthetic(synthetic: ModuleType, design: StudyDesign, tmp_path: Path
 @pytest.fixture
 def reproducible_files() -> Callable[[Path], dict[str, bytes]]:
     """Return the content of a study's files that must not depend on how it was driven."""
-    names = ("table.csv", "differences.csv", "comparison.csv", "episodes.parquet", "windows.parquet", "study.toml")
-    return lambda folder: {name: (folder / name).read_bytes() for name in names}
+    names = ("table.csv", "differences.csv", "comparison.csv", "claims.csv", "episodes.parquet", "windows.parquet")
+    return lambda folder: {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in [folder / "study.toml", *(folder / name for name in names), *sorted(folder.glob("figures/*"))]
+    }

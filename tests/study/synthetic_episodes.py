@@ -55,6 +55,8 @@ def summary_of(record: RunRecord, config: EpisodeConfig) -> dict[str, Any]:
         "ttc_ge_3": float(np.mean(threats.ttc >= 3.0)),
         "ttc_p10": float(np.percentile(threats.ttc, 10, method="lower")),
         "ttc_p1": float(np.percentile(threats.ttc, 1, method="lower")),
+        "btn_le_1": float(np.mean(threats.btn <= 1.0)),
+        "stn_le_1": float(np.mean(threats.stn <= 1.0)),
         "mean_speed": float(np.mean(robot.speed)),
         "mean_abs_acceleration": float(np.mean(np.abs(robot.acceleration))),
         "intervention_percent": 100.0 * float(np.mean(robot.intervening)),
@@ -67,7 +69,17 @@ def summary_of(record: RunRecord, config: EpisodeConfig) -> dict[str, Any]:
 def drive(job: EpisodeJob) -> None:
     record = synthetic_record(job.config)
     timing = {"wall_seconds": os.getpid() / 1000.0, "real_time_factor": time.time()}
-    write_run(job.folder, record, config_toml(job.config), summary_of(record, job.config), timing=timing)
+    summary = summary_of(record, job.config)
+    write_run(job.folder, record, config_toml(job.config), summary, keep=job.keep, timing=timing)
+
+
+STALLING_SEED = 2  # from which on nothing is finished any more
+
+
+def drive_until_it_stalls(job: EpisodeJob) -> None:
+    if job.config.seed >= STALLING_SEED:
+        never_finish(job)
+    drive(job)
 
 
 def drive_slowly(job: EpisodeJob) -> None:

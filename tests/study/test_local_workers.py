@@ -6,14 +6,13 @@ from contextlib import closing
 import pytest
 
 from hj_cosim.errors import WorkerError
-from hj_cosim.study.folder import StudyFolder
 from hj_cosim.study.local_workers import LocalWorkers
 from hj_cosim.study.results import is_complete
 
 
 @pytest.fixture
-def jobs(design, tmp_path):
-    return StudyFolder(tmp_path / "study", design).remaining_jobs({"highway": tmp_path / "table.npz"})
+def jobs(study_folder, tmp_path):
+    return study_folder("study").remaining_jobs({"highway": tmp_path / "table.npz"})
 
 
 def test_every_job_is_done_once(jobs, synthetic):

@@ -1,6 +1,7 @@
 """Studies in SUMO itself: the same bytes whoever drives and whatever came between, and SUMO's failures."""
 
 import importlib
+import os
 import subprocess
 import sys
 import time
@@ -10,20 +11,20 @@ import pytest
 
 from hj_cosim.reachability.table.store import table_path
 from hj_cosim.study import study as study_module
-from hj_cosim.study.design import design_study
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.folder import StudyFolder
 from hj_cosim.study.local_workers import LocalWorkers
-from hj_cosim.study.stacks import Stack
+from hj_cosim.study.request import new_study, resumed_study
 from hj_cosim.study.study import conduct, run_study
 
 FEW_CARS = "[traffic]\ncount = 6\ncount_behind = 2\n"
-STUDY = {"episodes": 2, "stacks": (Stack("hjop", "spc", "mi"), Stack("op", "rss", "sw"))}
+MACHINE_DEPENDENT = {"wall_seconds", "real_time_factor"}
+STUDY = {"episodes": 2, "stacks": ("hjop-spc-mi", "op-rss-sw")}
 
 
 @pytest.fixture
 def few_cars(small_specification, small_table, tmp_path):
-    """Return the scenario and the assignments of short episodes of a few cars."""
+    """Return the scenario and the settings of short episodes of a few cars."""
     path = tmp_path / "few.toml"
     path.write_text(FEW_CARS)
     return str(path), (f"table={small_specification}", "simulation.duration=1.0")
@@ -42,18 +43,17 @@ def all_files(folder):
 def test_every_file_is_the_same_in_this_process_for_two_workers_killed_and_for_the_one_that_resumes(
     few_cars, in_this_process, monkeypatch, tmp_path
 ):
-    scenario, assignments = few_cars
-    options = {**STUDY, "assignments": assignments}
+    scenario, settings = few_cars
     with monkeypatch.context() as patch:
         patch.setattr(study_module, "LocalWorkers", lambda _: in_this_process)
-        reference = run_study(scenario, folder=tmp_path / "reference", **options)
+        reference = run_study(scenario, settings=settings, out=tmp_path / "reference", **STUDY)
     files = all_files(reference.folder)
     assert {"table.csv", "episodes.parquet", "episodes/op-rss-sw/1/trajectories.parquet"} <= files.keys()
     assert sum(name.startswith("episodes/") for name in files) == 4 * 5
 
     # The command line, killed as soon as it has an episode.
-    arguments = [argument for assignment in assignments for argument in ("--set", assignment)]
-    arguments += [argument for stack in STUDY["stacks"] for argument in ("--stack", stack.name)]
+    arguments = [argument for text in settings for argument in ("--set", text)]
+    arguments += [argument for stack in STUDY["stacks"] for argument in ("--stack", stack)]
     command = [sys.executable, "-m", "hj_cosim", "study", scenario, "--episodes", "2", "--workers", "2", *arguments]
     killed = tmp_path / "killed"
     process = subprocess.Popen([*command, "--out", str(killed)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -61,25 +61,40 @@ def test_every_file_is_the_same_in_this_process_for_two_workers_killed_and_for_t
         time.sleep(0.01)
     process.kill()
     process.wait()
-    resumed = run_study(scenario, workers=1, folder=killed, resume=True, **options)
-    assert resumed.failures == ()
+    # From another folder, and with nothing but the study's: the command that the README has.
+    again = [sys.executable, "-m", "hj_cosim", "study", "--resume", "--out", str(killed)]
+    path = os.pathsep.join(filter(None, [str(Path.cwd()), *sys.path]))
+    done = subprocess.run(
+        again, cwd=tmp_path, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
     assert all_files(killed) == files
+
+
+def test_a_study_may_keep_the_robot_alone(few_cars, in_this_process, monkeypatch, tmp_path):
+    scenario, settings = few_cars
+    monkeypatch.setattr(study_module, "LocalWorkers", lambda _: in_this_process)
+    options = {"episodes": 1, "stacks": "idle-none", "settings": settings}
+    whole = run_study(scenario, out=tmp_path / "whole", **options).folder / "episodes" / "idle-none" / "0"
+    lean = run_study(scenario, out=tmp_path / "lean", keep="robot", **options).folder / "episodes" / "idle-none" / "0"
+    names = {path.name for path in whole.iterdir()}
+    assert {path.name for path in lean.iterdir()} == names - {"trajectories.parquet"}
+    for name in ("config.toml", "robot.parquet", "drivers.parquet"):
+        assert (lean / name).read_bytes() == (whole / name).read_bytes()
 
 
 @pytest.fixture
 def conduct_in_sumo(few_cars, small_specification, tmp_path):
     """Return a function that conducts a study of four episodes of a robot that keeps its lane, by one worker."""
-    scenario, assignments = few_cars
-    design = design_study((scenario,), episodes=4, stacks=(Stack("idle", "none"),), assignments=assignments)
+    scenario, settings = few_cars
+    given = {"scenarios": (scenario,), "episodes": 4, "stacks": ("idle-none",), "set": settings}
+    place = tmp_path / "study"
 
     def conduct_it(function, resume=False):
-        folder = StudyFolder(tmp_path / "study", design)
-        folder.prepare(resume=resume)
+        folder = StudyFolder.of(place, resumed_study(place, {}) if resume else new_study(given))
+        folder.begin({"hj-cosim": "1.0"}, resume=resume)
         tables = {str(small_specification): table_path(small_specification)}
-        return conduct(
-            folder, LocalWorkers(1), request={"asked": "for"}, program={"hj-cosim": "1.0"}, function=function,
-            table_files=tables,
-        )  # fmt: skip
+        return conduct(folder, LocalWorkers(1), function=function, table_files=tables)
 
     return conduct_it
 

@@ -24,6 +24,7 @@ from hj_cosim.errors import OutputError, RunFolderError, TableError
 from hj_cosim.reachability.table.store import find_specification, load_table
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.run_folder import CONFIG, Run, read_config, read_run
+from hj_cosim.recording.study_files import EPISODES, TABLE, WINDOWS
 from hj_cosim.settings import RobotSettings, Scenario, read_toml, validate
 from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.sources.placement import density
@@ -48,12 +49,12 @@ class FigureKind:
 
 
 def _trade_off_of(folder: Path) -> Drawing:
-    return trade_off(read_study_table(folder / "windows.parquet", WINDOW_COLUMNS))
+    return trade_off(read_study_table(folder / WINDOWS, WINDOW_COLUMNS))
 
 
 def _density_sweep_of(folder: Path) -> Drawing:
     metrics = [f"{metric}{ending}" for metric, _ in PANELS for ending in ("", "_lo", "_hi")]
-    table = read_study_table(folder / "table.csv", ("scenario", *STACK_COLUMNS, "episodes", *metrics))
+    table = read_study_table(folder / TABLE, ("scenario", *STACK_COLUMNS, "episodes", *metrics))
     densities = scenario_densities(folder)
     unknown = sorted(set(table.scenario) - densities.keys())
     if unknown:
@@ -136,7 +137,7 @@ def table_of(run: Run) -> ValueTable:
 def scenario_densities(study: Path) -> dict[str, float]:
     """Return the density (cars per km and lane) of every scenario in a study, from its episodes' configurations."""
     densities: dict[str, float] = {}
-    for path in sorted(study.glob(f"episodes/**/{CONFIG}")):
+    for path in sorted(study.glob(f"{EPISODES}/**/{CONFIG}")):
         scenario = validate(Scenario, read_config(path.parent)["scenario"], str(path))
         if scenario.name not in densities:
             road = read_road(network_path(scenario.network), scenario.network.edge)

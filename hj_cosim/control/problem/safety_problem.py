@@ -23,6 +23,7 @@ from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.settings import FilterSettings, RobotSettings
 
+_NARROWEST = 1e-3  # rad/s, m/s²; half a box that leaves no choice has to be scaled by something
 TIE_WEIGHT = 1e-6  # of λ_1, λ_2 after scaling by ω̄ and ā
 # An answer is refused when it misses a row or the box by more than this (in a row's units, relative to the slack).
 FEASIBILITY_TOLERANCE = 1e-4
@@ -117,7 +118,7 @@ def least_slack(rows: SafetyRows, box: np.ndarray) -> float:
         rows: K half-planes.
         box: (4,) lower and upper ω, lower and upper a.
     """
-    half = np.array([0.5 * (box[1] - box[0]), 0.5 * (box[3] - box[2])])
+    half = np.maximum([0.5 * (box[1] - box[0]), 0.5 * (box[3] - box[2])], _NARROWEST)
     weights = np.array([half[0] ** -2, half[1] ** -2, 1e12])
     middle = (0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]))
     return least_cost_control(rows.p, rows.q, rows.c, middle[0], middle[1], weights, False, box)[2]
@@ -171,7 +172,8 @@ def available_controls(limits: np.ndarray, heading: float, speed: float, bounds:
     """Return the controls that keep heading and speed within bounds for one step; the game's own state limits.
 
     At a bound of the value table the input that would cross it is not available, in the game as here: beyond, the
-    table does not know what it promises. What leads back is always available.
+    table does not know what it promises. A heading that is beyond is led back, as fast as the limits allow if it takes
+    longer than a step.
 
     Args:
         limits: (4,) lower and upper ω, lower and upper a.
@@ -184,8 +186,8 @@ def available_controls(limits: np.ndarray, heading: float, speed: float, bounds:
     """
     return np.array(
         [
-            max(limits[0], min((bounds[0] - heading) / step, 0.0)),
-            min(limits[1], max((bounds[1] - heading) / step, 0.0)),
+            min(max(limits[0], (bounds[0] - heading) / step), limits[1]),
+            max(min(limits[1], (bounds[1] - heading) / step), limits[0]),
             max(limits[2], min((bounds[2] - speed) / step, 0.0)),
             min(limits[3], max((bounds[3] - speed) / step, 0.0)),
         ]

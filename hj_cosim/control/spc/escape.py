@@ -3,13 +3,13 @@
 A row of SPC says that V does not fall at this instant if V is right, along one gradient. Both fail where it matters:
 V is wrong by metres at the corners of V(0, ·), and where the other car has two ways to lower V a robot that minds one
 of them, then the other, loses to both. A manoeuvre is judged over its whole length instead
-(`reachability.manoeuvres`). If one escapes after the control, it is still there in the next step; so once there is an
+(`games.highway.manoeuvres`). If one escapes after the control, it is still there in the next step; so once there is an
 escape there is always one, as far as manoeuvres are looked at. The control is the filter's own as long as one
 remains, and else the best manoeuvre's.
 
 From each car by itself there has to be an escape, as the game is one of two; from the cars in K, and from those from
 which there would be none, there has to be one from all of them at once. Where no manoeuvre escapes from the worst
-that those could do together there is nothing to keep: the control passes.
+that those could do together, the one that guarantees most is driven, until a control is known to leave an escape.
 
 The idea is that of backup controllers: Gurriet, Mote, Singletary, Nilsson, Feron & Ames 2020, A Scalable Safety
 Critical Control Framework for Nonlinear Systems.
@@ -22,17 +22,25 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.errors import TableError
-from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres, guaranteed, write_path, write_reach
-from hj_cosim.reachability.games.highway.target import target_at
+from hj_cosim.reachability.games.highway.manoeuvres import (
+    Manoeuvres,
+    Paths,
+    guaranteed,
+    other_at,
+    require_path,
+    room_for_paths,
+)
+from hj_cosim.reachability.games.highway.paths import Start
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import RobotSettings
 
-# m of V. What must be left after the control; covers what the manoeuvres' steps are wrong by, so that the manoeuvre
-# that was seen to remain does so in the next step.
-RESERVE = 0.1
+# m of V. What must be left after the control; covers by how much less is guaranteed where the instants looked at lie
+# otherwise, so that the manoeuvre that was seen to remain does so in the next step.
+RESERVE = 0.2
 # m of V. Cars with more are not looked at: so far above the bound no table is between its nodes.
 HIGHEST = 10.0
 PASSED, ESCAPING, NO_ESCAPE = 0, 1, 2  # verdicts
+NO_MANOEUVRE = -1
 
 
 def manoeuvres_for(table: ValueTable, robot: RobotSettings) -> Manoeuvres:
@@ -83,73 +91,79 @@ def is_to_be_looked_at(extent: Extent, value: float, p_x: float, p_y: float, v_r
     return value <= HIGHEST or beside
 
 
-class _Start(NamedTuple):
-    """Where manoeuvres begin: the robot's heading and speed, and the control that it holds before."""
-
-    heading: float  # rad
-    speed: float  # m/s
-    omega: float  # rad/s
-    acceleration: float  # m/s²
-    held: float  # s
-
-
 @njit(cache=True)
-def _path(manoeuvres: Manoeuvres, which: int, start: _Start, paths: np.ndarray, written: np.ndarray) -> np.ndarray:
-    """Return a manoeuvre's path, written only once it is wanted: mostly the first few escape."""
-    if not written[which]:
-        heading, speed, omega, acceleration, held = start
-        write_path(manoeuvres, which, heading, speed, omega, acceleration, held, paths[which])
-        written[which] = True
-    return paths[which]
-
-
-@njit(cache=True)
-def _escapes_from_one(
-    manoeuvres: Manoeuvres, start: _Start, paths: np.ndarray, written: np.ndarray, robot: np.ndarray, other: np.ndarray
-) -> bool:
+def _escapes_from_one(manoeuvres: Manoeuvres, start: Start, paths: Paths, robot: np.ndarray, other: np.ndarray) -> bool:
     """Return whether a manoeuvre keeps more than the reserve from one car by itself, (3,) p_x, p_y, v."""
-    reach = np.empty((paths.shape[1] + 1, 5))
-    bend, share = write_reach(manoeuvres, other[2], start.held, reach)
+    reach = other_at(manoeuvres.game, other[2])
     p_x, p_y = robot[0] - other[0], robot[1] - other[1]
-    for which in range(len(paths)):
-        path = _path(manoeuvres, which, start, paths, written)
-        if guaranteed(manoeuvres.game, path, reach, bend, share, p_x, p_y, RESERVE) > RESERVE:
+    for which in range(len(paths.instants)):
+        require_path(manoeuvres, which, start, paths)
+        path = paths.rows[which, : paths.instants[which]]
+        if guaranteed(manoeuvres.game, path, 0, reach, p_x, p_y, RESERVE) > RESERVE:
             return True
     return False
 
 
 @njit(cache=True)
-def _best_escape(
-    manoeuvres: Manoeuvres,
-    start: _Start,
-    paths: np.ndarray,
-    written: np.ndarray,
-    robot: np.ndarray,
-    others: np.ndarray,
-    floor: float,
-    enough: float,
-) -> int:
-    """Return the manoeuvre that guarantees most against all of the cars at once, if that is more than `floor`, else −1.
-
-    The first that guarantees more than `enough` will do.
-    """
-    best, most = -1, floor
-    reaches = np.empty((len(others), paths.shape[1] + 1, 5))
-    bends, shares = np.empty(len(others), np.int64), np.empty(len(others))
+def _guaranteed_against_all(
+    manoeuvres: Manoeuvres, path: np.ndarray, first: int, robot: np.ndarray, others: np.ndarray, floor: float
+) -> float:
+    """Return what a path guarantees against the worst of all cars, m; where it is not above `floor`, something less."""
+    least = math.inf
     for j in range(len(others)):
-        bends[j], shares[j] = write_reach(manoeuvres, others[j, 2], start.held, reaches[j])
-    for which in range(len(paths)):
-        path, least = _path(manoeuvres, which, start, paths, written), math.inf
-        for j in range(len(others)):
-            p_x, p_y = robot[0] - others[j, 0], robot[1] - others[j, 1]
-            least = min(least, guaranteed(manoeuvres.game, path, reaches[j], bends[j], shares[j], p_x, p_y, most))
-            if least <= most:
-                break
+        reach = other_at(manoeuvres.game, others[j, 2])
+        p_x, p_y = robot[0] - others[j, 0], robot[1] - others[j, 1]
+        least = min(least, guaranteed(manoeuvres.game, path, first, reach, p_x, p_y, floor))
+        if least <= floor:
+            break
+    return least
+
+
+@njit(cache=True)
+def _one_escapes_from_all(
+    manoeuvres: Manoeuvres, start: Start, paths: Paths, robot: np.ndarray, others: np.ndarray, floor: float
+) -> bool:
+    """Return whether some manoeuvre guarantees more than `floor` against all of the cars at once."""
+    for which in range(len(paths.instants)):
+        require_path(manoeuvres, which, start, paths)
+        path = paths.rows[which, : paths.instants[which]]
+        if _guaranteed_against_all(manoeuvres, path, 0, robot, others, floor) > floor:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _first_control(manoeuvres: Manoeuvres, which: int, heading: float, step: float) -> tuple[float, float]:
+    """Return the control, rad/s and m/s², that a manoeuvre holds over the next step."""
+    omega_max = manoeuvres.game.omega_max
+    omega = min(max((manoeuvres.heading[which] - heading) / step, -omega_max), omega_max)
+    return omega, manoeuvres.acceleration[which]
+
+
+@njit(cache=True)
+def _best_manoeuvre(
+    manoeuvres: Manoeuvres, robot: np.ndarray, others: np.ndarray, step: float, driven: int
+) -> tuple[int, float]:
+    """Return the manoeuvre to drive, and what it guarantees against all of the cars at once, m.
+
+    It is the one driven before as long as it escapes, and else the one that guarantees most, however little. What
+    counts begins a step from now: what is lost already is lost in every manoeuvre, and would hide which is best.
+    """
+    best, most, paths = 0, -math.inf, room_for_paths(manoeuvres)
+    for turn in range(-1, len(paths.instants)):
+        which = driven if turn < 0 else turn
+        if which < 0 or (turn >= 0 and turn == driven):
+            continue
+        omega, acceleration = _first_control(manoeuvres, which, robot[2], step)
+        start = Start(robot[2], robot[3], omega, acceleration, step)
+        require_path(manoeuvres, which, start, paths)
+        path = paths.rows[which, : paths.instants[which]]
+        least = _guaranteed_against_all(manoeuvres, path, 1, robot, others, most)
         if least > most:
             best, most = which, least
-            if most > enough:
-                break
-    return best
+        if turn < 0 and most > 0.0:
+            break
+    return best, most
 
 
 @njit(cache=True)
@@ -161,43 +175,36 @@ def keep_escape(
     omega: float,
     acceleration: float,
     step: float,
-) -> tuple[float, float, int]:
-    """Return the control to apply: the one asked for, or a manoeuvre's.
+    driven: int,
+) -> tuple[float, float, int, int]:
+    """Return the control to apply: the one asked for if it is known to leave an escape, or else a manoeuvre's.
 
     Args:
         manoeuvres: which there are.
         robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
         others: (J, 3) p_x, p_y, v of the other cars, which go along the road.
-        in_k: (J,) bool, which of them are in K.
+        in_k: (J,) bool, from which of them there has to be an escape at once; from the rest, from each by itself.
         omega, acceleration: the control asked for, rad/s and m/s².
         step: s, for which a control is held.
+        driven: the manoeuvre that gave the last control, NO_MANOEUVRE if none did.
 
     Returns:
-        ω, a and the verdict: PASSED, ESCAPING or NO_ESCAPE, in which case the control is the one asked for.
+        ω, a; the verdict, which is PASSED, ESCAPING, or NO_ESCAPE if the manoeuvre is the best there is and does not
+        escape; and the manoeuvre that is driven now, NO_MANOEUVRE if the control passed.
     """
-    for j in range(len(others)):  # nothing escapes from the target set; that is quickly seen
-        p_x, p_y = robot[0] - others[j, 0], robot[1] - others[j, 1]
-        if in_k[j] and target_at(manoeuvres.game.target, p_x, p_y, robot[2], robot[3], others[j, 2]) <= 0.0:
-            return omega, acceleration, NO_ESCAPE
-    paths = np.empty((len(manoeuvres.heading), len(manoeuvres.steps) + 2, 6))
-    written, minded = np.zeros(len(paths), np.bool_), in_k.copy()
-    after = _Start(robot[2], robot[3], omega, acceleration, step)
+    paths, minded = room_for_paths(manoeuvres), in_k.copy()
+    after = Start(robot[2], robot[3], omega, acceleration, step)
     for j in range(len(others)):
         if not minded[j]:
-            minded[j] = not _escapes_from_one(manoeuvres, after, paths, written, robot, others[j])
+            minded[j] = not _escapes_from_one(manoeuvres, after, paths, robot, others[j])
     if not minded.any():
-        return omega, acceleration, PASSED
+        return omega, acceleration, PASSED, NO_MANOEUVRE
     threats = others[minded]
-    if _best_escape(manoeuvres, after, paths, written, robot, threats, RESERVE, RESERVE) >= 0:
-        return omega, acceleration, PASSED
-    written[:] = False
-    now = _Start(robot[2], robot[3], 0.0, 0.0, 0.0)
-    best = _best_escape(manoeuvres, now, paths, written, robot, threats, 0.0, math.inf)
-    if best < 0:
-        return omega, acceleration, NO_ESCAPE
-    omega_max = manoeuvres.game.omega_max
-    turning = min(max((manoeuvres.heading[best] - robot[2]) / step, -omega_max), omega_max)
-    return turning, manoeuvres.acceleration[best], ESCAPING
+    if _one_escapes_from_all(manoeuvres, after, paths, robot, threats, RESERVE):
+        return omega, acceleration, PASSED, NO_MANOEUVRE
+    best, most = _best_manoeuvre(manoeuvres, robot, threats, step, driven)
+    turning, gain = _first_control(manoeuvres, best, robot[2], step)
+    return turning, gain, ESCAPING if most > 0.0 else NO_ESCAPE, best
 
 
 @njit(cache=True)
@@ -213,7 +220,8 @@ def keep_escape_in_traffic(
     omega: float,
     acceleration: float,
     step: float,
-) -> tuple[float, float, int]:
+    driven: int,
+) -> tuple[float, float, int, int]:
     """Return what `keep_escape` does among all cars, (J,) arrays in m, m, m/s and m; those with V <= ε are in K."""
     others, in_k = np.empty((len(x), 3)), np.empty(len(x), np.bool_)
     count = 0
@@ -223,7 +231,7 @@ def keep_escape_in_traffic(
             others[count, 0], others[count, 1], others[count, 2] = x[j], y[j], speed[j]
             in_k[count] = values[j] <= epsilon
             count += 1
-    return keep_escape(manoeuvres, robot, others[:count], in_k[:count], omega, acceleration, step)
+    return keep_escape(manoeuvres, robot, others[:count], in_k[:count], omega, acceleration, step, driven)
 
 
 @njit(cache=True, nogil=True)
@@ -236,10 +244,8 @@ def can_escape(manoeuvres: Manoeuvres, robots: np.ndarray, others: np.ndarray) -
         others: (n, J, 3) p_x, p_y, v of the other cars.
     """
     found = np.empty(len(robots), np.bool_)
-    paths = np.empty((len(manoeuvres.heading), len(manoeuvres.steps) + 2, 6))
-    written = np.empty(len(paths), np.bool_)
     for i in range(len(robots)):
-        written[:] = False
-        now = _Start(robots[i, 2], robots[i, 3], 0.0, 0.0, 0.0)
-        found[i] = _best_escape(manoeuvres, now, paths, written, robots[i], others[i], 0.0, 0.0) >= 0
+        paths = room_for_paths(manoeuvres)
+        now = Start(robots[i, 2], robots[i, 3], 0.0, 0.0, 0.0)
+        found[i] = _one_escapes_from_all(manoeuvres, now, paths, robots[i], others[i], 0.0)
     return found

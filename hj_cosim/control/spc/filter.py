@@ -8,7 +8,15 @@ import numpy as np
 from hj_cosim.control.contract import CANNOT_JUDGE, FilterDecision
 from hj_cosim.control.problem.nearest_control import NearestControl, RowsDecision, limits_of
 from hj_cosim.control.problem.safety_problem import NO_ROWS, SafetyRows, available_controls
-from hj_cosim.control.spc.escape import ESCAPING, NO_ESCAPE, PASSED, Extent, keep_escape_in_traffic, manoeuvres_for
+from hj_cosim.control.spc.escape import (
+    ESCAPING,
+    NO_ESCAPE,
+    NO_MANOEUVRE,
+    PASSED,
+    Extent,
+    keep_escape_in_traffic,
+    manoeuvres_for,
+)
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
 from hj_cosim.reachability.table.cars import rows_of_cars
 from hj_cosim.reachability.table.table import ValueTable
@@ -16,8 +24,8 @@ from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.settings import FilterSettings, RobotSettings
 
 # Diagnostics: how often
-ESCAPED = "escaped"  # the control gave way to a manoeuvre
-HAD_NO_ESCAPE = "had no escape"
+ESCAPED = "escaped"  # the control gave way to a manoeuvre that escapes
+HAD_NO_ESCAPE = "had no escape"  # it gave way to the manoeuvre that guarantees most, for none escapes
 _DIAGNOSTICS: Mapping[int, Mapping[str, float]] = {ESCAPING: {ESCAPED: 1}, NO_ESCAPE: {HAD_NO_ESCAPE: 1}}
 
 
@@ -43,10 +51,12 @@ class SafetyPreservingFilter:
         self._table = table
         self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
         self._extent = Extent.of(table)
+        self._driven = NO_MANOEUVRE
         self._limits = limits_of(robot)
-        self._bounds = np.array([table.grid.lower[2], table.grid.upper[2], 0.0, robot.speed_max])
-        # Within these, no control leads beyond the bounds in one step, and the limits themselves are available.
+        # What the bicycle turns in a step at a changing speed differs from ω step, by less than the largest of these.
         turn = robot.omega_max * step
+        self._bounds = np.array([table.grid.lower[2] + turn, table.grid.upper[2] - turn, 0.0, robot.speed_max])
+        # Within these, no control leads beyond the bounds in one step, and the limits themselves are available.
         self._free_heading = (self._bounds[0] + turn, self._bounds[1] - turn)
         self._free_speed = (-robot.acceleration_min * step, robot.speed_max - robot.acceleration_max * step)
 
@@ -66,6 +76,8 @@ class SafetyPreservingFilter:
             return CANNOT_JUDGE
         available = self._available(observation.robot)
         decision = self._nearest.choose(rows, len(rows), desired, available)
+        if len(rows) == 0 and available is not self._limits:
+            decision = replace(decision, control=_within(available, desired.omega, desired.acceleration))
         if len(self._manoeuvres.heading) > 0:
             decision = self._escaping(observation, values, decision)
         self._nearest.applied_omega = decision.control.omega
@@ -89,8 +101,10 @@ class SafetyPreservingFilter:
             return self._limits
         return available_controls(self._limits, heading, speed, self._bounds, self._step)
 
-    def _kept_escape(self, observation: Observation, values: CarValues, asked: Control) -> tuple[float, float, int]:
-        """Return ω, a and the verdict of `keep_escape_in_traffic`."""
+    def _kept_escape(
+        self, observation: Observation, values: CarValues, asked: Control
+    ) -> tuple[float, float, int, int]:
+        """Return what `keep_escape_in_traffic` does."""
         return keep_escape_in_traffic(
             self._manoeuvres,
             self._extent,
@@ -103,17 +117,20 @@ class SafetyPreservingFilter:
             asked.omega,
             asked.acceleration,
             self._step,
+            self._driven,
         )
 
     def _escaping(self, observation: Observation, values: CarValues, decision: RowsDecision) -> RowsDecision:
-        """Return the decision, or one whose control is a manoeuvre's where the decision's would leave no escape."""
-        omega, acceleration, verdict = self._kept_escape(observation, values, decision.control)
+        """Return the decision, or a manoeuvre's where the decision's control is not known to leave an escape."""
+        omega, acceleration, verdict, self._driven = self._kept_escape(observation, values, decision.control)
         if verdict == PASSED:
             return decision
         diagnostics = {**decision.diagnostics, **_DIAGNOSTICS[verdict]}
-        if verdict != ESCAPING:
-            return replace(decision, diagnostics=diagnostics)
-        box = decision.available
-        control = Control(min(max(omega, box[0]), box[1]), min(max(acceleration, box[2]), box[3]))
+        control = _within(decision.available, omega, acceleration)
         slack = max(-float(decision.rows.margins(control.omega, control.acceleration).min(initial=0.0)), 0.0)
         return replace(decision, control=control, escaping=True, slack=slack, diagnostics=diagnostics)
+
+
+def _within(available: np.ndarray, omega: float, acceleration: float) -> Control:
+    """Return a control held to what is available, (4,)."""
+    return Control(min(max(omega, available[0]), available[1]), min(max(acceleration, available[2]), available[3]))

@@ -11,8 +11,8 @@ The grid's first axis may be sheared, ξ = p_x − k (v_o² − v_r²), see `sys
 themselves, and give the slopes of V along the state.
 
 Outside the grid in p_x or p_y another car is safe: V = +inf with a zero gradient. The heading and the speeds are
-clamped to the grid, and the gradient in a clamped coordinate is that of the nearest cell. `interpolation` serves
-tables of any dimension.
+clamped to the grid, and the gradient in a clamped coordinate is that of the nearest cell. With a heading beyond the
+grid nothing is ever called safe: V is at most 0. `interpolation` serves tables of any dimension.
 
 Interpolation goes axis by axis, the speeds first, and carries the slopes along: a third of the work of weighing all
 32 corners for the value and every slope. Corners are offsets into the flat table, unsigned, which spares the index
@@ -29,6 +29,7 @@ from hj_cosim.reachability.games.highway.target import TargetFormula, target_and
 from hj_cosim.reachability.table.value_scale import scaled, steepness, unscaled
 
 _ONE = np.uint64(1)
+_HEADING_ROUNDING = 1e-6  # rad beyond the grid that still count as on its edge
 
 
 class TableArrays(NamedTuple):
@@ -129,6 +130,14 @@ def _is_outside(table: TableArrays, xi: float, p_y: float) -> bool:
 
 
 @njit(cache=True)
+def _claimed(table: TableArrays, theta: float, value: float) -> float:
+    """Return V, or what is left to say of it where the table knows nothing of the heading."""
+    if table.lower[2] - _HEADING_ROUNDING <= theta <= table.upper[2] + _HEADING_ROUNDING:
+        return value
+    return min(value, 0.0)
+
+
+@njit(cache=True)
 def _cell_of(table: TableArrays, xi: float, p_y: float, theta: float, v_r: float, v_o: float) -> Cell:
     lower, inverse, shape = table.lower, table.inverse_spacing, table.deficit.shape
     i, x = _place((xi - lower[0]) * inverse[0], shape[0])
@@ -205,12 +214,12 @@ def value_and_gradient_at(
     gradient_out[3] += 2.0 * table.braking_shear * _clamped(table, 3, v_r) * gradient_out[0]
     gradient_out[4] -= 2.0 * table.braking_shear * _clamped(table, 4, v_o) * gradient_out[0]
     if not table.has_target:
-        return -deficit
+        return _claimed(table, theta, -deficit)
     target, by_x, by_y, by_theta, by_r, by_o = _target_and_gradient(table, p_x, p_y, theta, v_r, v_o)
     if deficit == 0.0:  # then W, which is nowhere negative, is 0 all around
         gradient_out[0], gradient_out[1], gradient_out[2] = by_x, by_y, by_theta
         gradient_out[3], gradient_out[4] = by_r, by_o
-        return target
+        return _claimed(table, theta, target)
     scaled_target = scaled(target)
     scaled_value = scaled_target - deficit
     # ∇V = dV/ds (∇V0 / (dV0/ds) − ∇W)
@@ -221,7 +230,7 @@ def value_and_gradient_at(
     gradient_out[2] = share_of_target * by_theta + steep * gradient_out[2]
     gradient_out[3] = share_of_target * by_r + steep * gradient_out[3]
     gradient_out[4] = share_of_target * by_o + steep * gradient_out[4]
-    return unscaled(scaled_value)
+    return _claimed(table, theta, unscaled(scaled_value))
 
 
 @njit(cache=True)
@@ -237,9 +246,9 @@ def value_at(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: floa
     high = _over_width(flat, cell.corner + cell.step_x, cell)[0]
     deficit = float(low + cell.x * (high - low))
     if not table.has_target:
-        return -deficit
+        return _claimed(table, theta, -deficit)
     target = _target(table, p_x, p_y, theta, v_r, v_o)
-    return unscaled(scaled(target) - deficit) if deficit > 0.0 else target
+    return _claimed(table, theta, unscaled(scaled(target) - deficit) if deficit > 0.0 else target)
 
 
 @njit(cache=True)

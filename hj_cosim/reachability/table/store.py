@@ -25,7 +25,7 @@ from hj_cosim.reachability.table.table_file import TableFile, open_table_file
 from hj_cosim.settings import RobotSettings, TableSpecification, read_toml, validate
 
 # Part of every specification's hash: raised when the solver changes what it computes, so that tables are re-solved.
-_SOLVER_VERSION = 3
+_SOLVER_VERSION = 4
 _HASH_IN_NAME = 12  # characters of it in the name of a table that no specification names
 
 # The other cars, by the size that a table has to be right for; smaller ones count as cars.
@@ -257,6 +257,11 @@ class KeptTable:
     path: Path
 
     @property
+    def identity(self) -> str:
+        """The hash of what it is solved from, solved or not."""
+        return specification_hash(self.specification, find_game(self.specification.dynamics))
+
+    @property
     def is_solved(self) -> bool:
         """Whether its file is there and of this specification.
 
@@ -267,7 +272,7 @@ class KeptTable:
             return False
         with open_table_file(self.path) as file:
             kept = _report_of(file).specification_hash
-        return kept == specification_hash(self.specification, find_game(self.specification.dynamics))
+        return kept == self.identity
 
 
 def kept_table(name_or_path: str, robot: RobotSettings | None = None, size: SizeClass = CAR) -> KeptTable:

@@ -114,6 +114,6 @@ def test_a_scheduler_without_workers_is_named_with_the_command_that_starts_some(
 
 def test_a_scheduler_that_does_not_answer_is_named(conduct_synthetic):
     with pytest.raises(WorkerError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:1 "):
-        conduct_synthetic("study", DaskCluster("tcp://127.0.0.1:1", timeout=1.0))
+        conduct_synthetic("nobody", DaskCluster("tcp://127.0.0.1:1", timeout=1.0))
     with pytest.raises(WorkerError, match="no Dask scheduler answers at nonsense"):
-        conduct_synthetic("study", DaskCluster("nonsense://x", timeout=1.0))
+        conduct_synthetic("nonsense", DaskCluster("nonsense://x", timeout=1.0))

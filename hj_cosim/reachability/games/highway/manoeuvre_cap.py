@@ -16,9 +16,10 @@ from hj_cosim.reachability.games.highway.manoeuvres import (
     Manoeuvres,
     best_guarantee,
     manoeuvres_of,
-    write_path,
-    write_reach,
+    other_at,
+    room_for_paths,
 )
+from hj_cosim.reachability.games.highway.paths import Start
 from hj_cosim.reachability.games.highway.target import target_at
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.table.value_scale import scaled, unscaled
@@ -35,28 +36,23 @@ def _cap_heading(
 ) -> None:
     """Write the capped values of the nodes with the k-th heading; arguments as of `capped`.
 
-    A path depends on heading and speed alone, so it is found once for all positions; so is the other car's reach, for
-    the speeds of the nodes and half-way between them. A node whose value one manoeuvre guarantees needs no other.
+    A path depends on heading and speed alone, so it is found once for all positions. A node whose value one manoeuvre
+    guarantees needs no other.
     """
     xi, y, theta, v_r, v_o = axes
-    game, instants, count = manoeuvres.game, len(manoeuvres.steps) + 2, len(v_o)
-    paths = np.empty((len(manoeuvres.heading), instants, 6))
-    speeds = np.linspace(v_o[0], v_o[-1], 2 * count - 1)
-    reach = np.empty((len(speeds), instants + 1, 5))
-    bends, shares = np.empty(len(speeds), np.int64), np.empty(len(speeds))
-    for n in range(len(speeds)):
-        bends[n], shares[n] = write_reach(manoeuvres, speeds[n], 0.0, reach[n])
+    game, count = manoeuvres.game, len(v_o)
+    speeds = np.linspace(v_o[0], v_o[-1], 2 * count - 1)  # of the nodes and half-way between them
+    others = [other_at(game, speed) for speed in speeds]
     tops, deficits, excess = np.empty(count), np.empty(count), np.zeros(count + 1)  # on the scale of look-ups
     for m in range(len(v_r)):
-        for which in range(len(paths)):
-            write_path(manoeuvres, which, theta[k], v_r[m], 0.0, 0.0, 0.0, paths[which])
+        paths, start = room_for_paths(manoeuvres), Start(theta[k], v_r[m], 0.0, 0.0, 0.0)
         ahead = shear * (speeds * speeds - v_r[m] * v_r[m])  # p_x − ξ
         for i in range(len(xi)):
             for j in range(len(y)):
                 line = capped[i, j, k, m]
                 for n in range(count):
-                    p_x, of, value = xi[i] + ahead[2 * n], 2 * n, values[i, j, k, m, n]
-                    sure = best_guarantee(game, paths, reach[of], bends[of], shares[of], p_x, y[j], value)
+                    p_x, value = xi[i] + ahead[2 * n], values[i, j, k, m, n]
+                    sure = best_guarantee(manoeuvres, start, paths, others[2 * n], p_x, y[j], value)
                     line[n] = min(value, sure)
                     tops[n] = scaled(target_at(game.target, p_x, y[j], theta[k], v_r[m], v_o[n]))
                     deficits[n] = max(tops[n] - scaled(line[n]), 0.0)
@@ -66,7 +62,7 @@ def _cap_heading(
                     p_x, of = xi[i] + ahead[2 * n + 1], 2 * n + 1
                     top = scaled(target_at(game.target, p_x, y[j], theta[k], v_r[m], speeds[of]))
                     between = top - 0.5 * (deficits[n] + deficits[n + 1])
-                    sure = best_guarantee(game, paths, reach[of], bends[of], shares[of], p_x, y[j], unscaled(between))
+                    sure = best_guarantee(manoeuvres, start, paths, others[of], p_x, y[j], unscaled(between))
                     excess[n + 1] = max(between - scaled(sure), 0.0)
                 for n in range(count):
                     more = max(excess[n], excess[n + 1])

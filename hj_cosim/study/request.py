@@ -1,0 +1,120 @@
+"""What is asked of a study: as it is given, completed by defaults, or by the study that is gone on with."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from hj_cosim.errors import ConfigurationError
+from hj_cosim.recording.study_files import StudyRequest, read_study_file, require_no_contradiction
+from hj_cosim.settings import validate
+from hj_cosim.study.stacks import PAPER_STACKS, Stack, parse_stack
+
+Texts = str | Sequence[str]  # one or several
+
+_DEFAULTS: Mapping[str, Any] = {
+    "scenarios": ("paper",),
+    "stacks": tuple(stack.text for stack in PAPER_STACKS),
+    "episodes": 20,
+    "seed": 0,
+    "preset": "best",
+    "vary": (),
+    "set": (),
+    "keep": "all",
+}
+
+
+def given_fields(**fields: Any) -> dict[str, Any]:
+    """Return the fields of a StudyRequest that were given, which are those that are not None, as it has them.
+
+    Raises:
+        ConfigurationError: if texts were to be given and something else was.
+    """
+    lists: dict[str, Callable[[Any], str | None]] = {
+        "scenarios": _scenario,
+        "stacks": _stack,
+        "vary": _text,
+        "set": _text,
+    }
+    return {
+        name: _each(value, name, lists[name]) if name in lists else value
+        for name, value in fields.items()
+        if value is not None
+    }
+
+
+def new_study(given: Mapping[str, Any]) -> StudyRequest:
+    """Return what is asked for: the given fields of a StudyRequest, and the defaults of the others.
+
+    Raises:
+        ConfigurationError: if a value is of the wrong type or out of range.
+    """
+    return validate(StudyRequest, {**_DEFAULTS, **given}, "the study")
+
+
+def resumed_study(folder: Path, given: Mapping[str, Any]) -> StudyRequest:
+    """Return what the study in a folder was asked for, with more episodes if these are given.
+
+    Args:
+        folder: the study's.
+        given: fields of a StudyRequest, to be checked against the study's.
+
+    Raises:
+        ConfigurationError: if there is no study, or something else is given than it has.
+    """
+    earlier = read_study_file(folder).model_dump(exclude={"program"})
+    now = validate(StudyRequest, {**earlier, **given}, "the study")
+    require_no_contradiction(folder, StudyRequest(**earlier), {name: getattr(now, name) for name in given})
+    return now
+
+
+def _each(values: Any, name: str, convert: Callable[[Any], str | None]) -> tuple[str, ...]:
+    """Return one value or several as texts.
+
+    Raises:
+        ConfigurationError: if it is neither.
+    """
+    listed = values if isinstance(values, Iterable) and not isinstance(values, str) else [values]
+    texts = []
+    for value in listed:
+        text = convert(value)
+        if text is None:
+            raise ConfigurationError(f"{name}: {_described(value)} is no text; give one text or a list of them")
+        texts.append(text)
+    return tuple(texts)
+
+
+def _text(value: Any) -> str | None:
+    return value if isinstance(value, str) else None
+
+
+def _scenario(value: Any) -> str | None:
+    """Return a scenario's name, or the whole path of its file, so that the study can be resumed from anywhere."""
+    if not isinstance(value, str | PathLike):
+        return None
+    text = str(value)
+    return str(Path(text).expanduser().absolute()) if text.endswith(".toml") else text
+
+
+def _stack(value: Any) -> str | None:
+    if isinstance(value, str):
+        return parse_stack(value).text
+    return value.text if isinstance(value, Stack) else None
+
+
+def given_path(out: Any) -> Path | None:
+    """Return the study's folder, if one was given.
+
+    Raises:
+        ConfigurationError: if it is no path.
+    """
+    if out is None:
+        return None
+    if isinstance(out, str | PathLike):
+        return Path(out)
+    raise ConfigurationError(f"out = {_described(out)} is no path; give the study's folder as a text or a path")
+
+
+def _described(value: Any) -> str:
+    """Return a wrong value for a sentence: itself if it is a plain one, and else what it is."""
+    return repr(value) if isinstance(value, int | float) else f"a {type(value).__name__}"

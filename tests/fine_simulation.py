@@ -1,0 +1,83 @@
+"""What a manoeuvre guarantees in the highway game, simulated in steps of 2 ms: the reference for its bounds.
+
+Written from the game's words alone: at every instant the other car may be anywhere between hardest braking and
+strongest acceleration, along the road, weaving or not, and as far aside as its heading allows; gaps are those of
+V(0, ·), with bodies
+turned by the robot's heading.
+"""
+
+import numpy as np
+from numba import njit
+
+STEP, DURATION = 0.002, 8.0  # s
+
+
+def guaranteed_by_simulation(
+    parameters: dict[str, float], states: np.ndarray, heading: float, acceleration: float, top: float = 40.0
+) -> np.ndarray:
+    """Return the least of max(gap along, gap across) of either side, the better one, (N,), m.
+
+    Args:
+        parameters: of the highway game, all of them.
+        states: (N, 5).
+        heading, acceleration: of the manoeuvre, rad and m/s².
+        top: m/s, the top speed of both cars.
+    """
+    names = (
+        "omega_max", "other_heading_max", "other_acceleration_min", "other_acceleration_max", "length", "width",
+        "response_time", "acceleration", "brake_min", "brake_max", "lateral_acceleration", "lateral_brake",
+        "lateral_margin",
+    )  # fmt: skip
+    return _simulate(np.array([parameters[name] for name in names]), states, heading, acceleration, top)
+
+
+@njit
+def _longitudinal(rear: float, front: float, rho: float, gain: float, least: float, most: float) -> float:
+    after = rear + rho * gain
+    return max(rear * rho + 0.5 * gain * rho * rho + after * after / (2.0 * least) - front * front / (2.0 * most), 0.0)
+
+
+@njit
+def _lateral(towards: float, rho: float, gain: float, brake: float, margin: float) -> float:
+    # Both cars gain speed towards each other for ρ, then brake; the other one has no lateral speed to begin with.
+    own, other = towards + rho * gain, rho * gain
+    own_way = 0.5 * (towards + own) * rho + (own * own / (2.0 * brake) if own > 0.0 else 0.0)
+    other_way = 0.5 * other * rho + other * other / (2.0 * brake)
+    return max(own_way + other_way + margin, 0.0)
+
+
+@njit
+def _simulate(c: np.ndarray, states: np.ndarray, heading: float, acceleration: float, top: float) -> np.ndarray:
+    omega, angle, braking, gaining, length, width = c[0], c[1], c[2], c[3], c[4], c[5]
+    rho, gain, b_min, b_max, side_gain, side_brake, margin = c[6], c[7], c[8], c[9], c[10], c[11], c[12]
+    found = np.empty(len(states))
+    for i in range(len(states)):
+        x, y, theta, v, slow = states[i]
+        fast, least, most = slow, 0.0, 0.0
+        lowest_left = lowest_right = np.inf
+        for _ in range(round(DURATION / STEP) + 1):
+            from_behind = _longitudinal(fast, v, rho, gain, b_min, b_max)
+            to_the_front = _longitudinal(v, slow, rho, gain, b_min, b_max)
+            if x > most:
+                along = x - most - length - from_behind
+            elif x < least:
+                along = least - x - length - to_the_front
+            else:
+                along = -length - max(from_behind, to_the_front)
+            sideways, leftwards = most * np.sin(angle), v * np.sin(theta)
+            turned = 0.5 * (width + length * abs(np.sin(theta)) + width * np.cos(theta))
+            apart = max(width + _lateral(-leftwards, rho, side_gain, side_brake, margin), turned)
+            lowest_left = min(lowest_left, max(along, 4.0 * (y - sideways - apart) ** 3))
+            apart = max(width + _lateral(leftwards, rho, side_gain, side_brake, margin), turned)
+            lowest_right = min(lowest_right, max(along, 4.0 * (-y - sideways - apart) ** 3))
+            rest = heading - theta
+            turn = min(max(rest, -omega * STEP), omega * STEP)
+            v_new = min(max(v + acceleration * STEP, 0.0), top)
+            x += 0.5 * (v + v_new) * STEP * np.cos(theta + 0.5 * turn)
+            y += 0.5 * (v + v_new) * STEP * np.sin(theta + 0.5 * turn)
+            theta, v = theta + turn, v_new
+            slow_new, fast_new = max(slow + braking * STEP, 0.0), min(fast + gaining * STEP, top)
+            least, most = least + 0.5 * (slow + slow_new) * STEP * np.cos(angle), most + 0.5 * (fast + fast_new) * STEP
+            slow, fast = slow_new, fast_new
+        found[i] = max(lowest_left, lowest_right)
+    return found

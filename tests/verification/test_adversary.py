@@ -1,0 +1,78 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from hj_cosim.errors import ConfigurationError
+from hj_cosim.settings import FilterSettings, RobotSettings
+from hj_cosim.verification.adversary import DESIRED, AdversarySettings, search_adversary
+from hj_cosim.verification.adversary_games import CHOSEN, CRUISE, Search, roll_out_choices
+from hj_cosim.verification.guarantee import RolloutSettings, game_of
+
+FEW = AdversarySettings(games=12, duration=3.0, segments=6, population=12, elite=4, generations=3, seed=1)
+KEEPING = FilterSettings(keep_escape=True)
+
+
+def search(table, spc=KEEPING, **settings):
+    return search_adversary(table, dataclasses.replace(FEW, **settings), spc)
+
+
+def played(table, desired, choices, start, spc=KEEPING, samples=150):
+    game = game_of(table, RolloutSettings(), spc, RobotSettings())
+    kind = Search(desired, samples, len(choices), 1, 1, 1, False)
+    return roll_out_choices(game, kind, np.array(start), np.array(choices, float))
+
+
+def test_the_same_seed_gives_the_same_report_however_many_threads(small_table):
+    once = search(small_table)
+    assert search_adversary(small_table, FEW, KEEPING, workers=1) == once
+    assert search(small_table, seed=2) != once
+
+
+def test_a_search_hurts_more_than_its_first_draws(small_table):
+    drawn = search(small_table, FilterSettings(), generations=1, desired="free")
+    searched = search(small_table, FilterSettings(), generations=8, desired="free")
+    assert searched.fall_median > drawn.fall_median
+    assert searched.least_target < drawn.least_target
+
+
+def test_without_an_escape_kept_the_search_enters_more_often(small_table):
+    alone = search(small_table, FilterSettings(), games=40, desired="free")
+    keeping = search(small_table, games=40, desired="free")
+    assert alone.entered > keeping.entered
+
+
+def test_a_car_that_brakes_as_chosen_is_as_far_as_the_formula_has_it(small_table):
+    # No filter has anything to do 150 m apart: V is beyond the table, and the robot keeps its 20 m/s.
+    start = [-150.0, 0.0, 0.0, 20.0, 20.0]
+    nothing, braking = (
+        played(small_table, CRUISE, [[0, 0.2, 0, 0]], start),
+        played(small_table, CRUISE, [[0, -1, 0, 0]], start),
+    )
+    # 0.2 of −6..4 m/s² is no acceleration; −1 is −6 m/s² for 3 s, with the braking distance then in V(0, ·), too.
+    assert nothing.least_target == pytest.approx(150.0 - 5.0 - 0.3 * 20.0 - 0.135 - (20.9**2 - 20.0**2) / 12.0)
+    shorter = 20.0 * 3.0 - (20.0 * 3.0 - 27.0) + (20.0**2 - 2.0**2) / 12.0
+    assert braking.least_target == pytest.approx(nothing.least_target - shorter)
+    assert not nothing.collided
+
+
+def test_a_car_that_stops_dead_ahead_is_hit_and_said_so(small_table):
+    start = [-9.0, 0.0, 0.0, 30.0, 5.0]
+    outcome = played(small_table, CHOSEN, [[0, -1, 0, 1]], start)
+    assert outcome.collided
+    assert outcome.without_escape
+    assert outcome.least_target < 0.0
+
+
+def test_every_desired_control_is_searched_and_reported(small_table):
+    for desired in DESIRED:
+        report = search(small_table, games=4, desired=desired)
+        assert report.rollouts == 4 * 12 * 3
+        assert 0.0 <= report.fall_median <= report.fall_p90 <= report.fall_p99 <= report.fall_max
+
+
+def test_what_cannot_be_searched_is_refused(small_table):
+    with pytest.raises(ConfigurationError, match="elite = 20"):
+        search(small_table, elite=20)
+    with pytest.raises(ConfigurationError, match="of the table have"):
+        search(small_table, above=1e5, up_to=1e5 + 1)
