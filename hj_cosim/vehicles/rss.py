@@ -54,6 +54,7 @@ def lateral_travel(speed_towards: float, response_time: float, acceleration: flo
     return 0.5 * (speed_towards + after_response) * response_time + stopping
 
 
+# Nine parameters: the definition's own, three for each of two cars.
 @njit(cache=True)
 def lateral_distance(
     left_speed_rightwards: float,
