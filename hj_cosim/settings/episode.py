@@ -71,7 +71,11 @@ class EpisodeConfig(Settings):
 
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
-    "best": {"filter": {"keep_escape": True}},
+    "best": {
+        "robot": {"lateral_acceleration_max": 4.0},
+        "tracking": {"lateral_acceleration_max": 2.4, "jerk_max": 8.0, "heading_max": 0.25},
+        "filter": {"approach": 6.0},
+    },
     "paper": {
         "table": "highway_paper",
         "planner": {"expansions": 40, "value_clip": 5.0, "speed_floor": 15.0},
