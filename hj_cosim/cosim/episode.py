@@ -19,7 +19,7 @@ from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flag
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.errors import DriveEnded, SimulationError
 from hj_cosim.files import file_name
-from hj_cosim.locations import runs_folder
+from hj_cosim.locations import given_path, runs_folder
 from hj_cosim.metrics.catalogue import require_declared
 from hj_cosim.metrics.summary import summarize, timing
 from hj_cosim.metrics.threats import collides
@@ -284,7 +284,7 @@ def run_episode(
     flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
     tell = progress if isinstance(progress, EpisodeProgress) else EpisodeProgress(progress)
-    folder = out(config) if callable(out) else None if out is None else Path(out)
+    folder = out(config) if callable(out) else None if out is None else given_path(out, "out")
     if folder is not None:
         require_free_folder(folder)
     value_table = load_table(config.table, tell.solving, robot=config.robot, announce=tell.announce)
