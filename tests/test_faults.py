@@ -168,7 +168,7 @@ def test_read_only_folder_is_named(call, driven, arguments):
 @pytest.mark.parametrize(
     ("module", "name", "reason"),
     [
-        (value_table, "load_table", "'{}' is not in"),  # after the configuration was checked, before the road is read
+        (run_module, "load_table", "'{}' is not in"),  # after the configuration was checked, before the road is read
         (sumo_world, "write_routes", "SUMO cannot run scenario few on {}: "),  # after that, before SUMO reads it
     ],
 )
