@@ -138,7 +138,12 @@ def test_read_only_folder_is_named_before_any_work(call, monkeypatch, scenario, 
     def work(*_, **__):
         raise AssertionError("the work had begun")
 
-    for module, name in ((run_module, "run_in_sumo"), (value_table, "solve_table"), (value_table, "load_table")):
+    for module, name in (
+        (run_module, "run_in_sumo"),
+        (run_module, "load_table"),
+        (value_table, "solve_table"),
+        (value_table, "load_table"),
+    ):
         monkeypatch.setattr(module, name, work)
     names = {
         "SCENARIO": str(scenario),

@@ -28,7 +28,9 @@ INPUTS = 4  # θ_o, a_o, and of the desired control what turns and what accelera
 _TRACKED_HEADING, _TRACKED_SPEED = 0.3, 4.0
 _K_ACCELERATION = 1.67  # 1/s, K_2 of the tracker
 # Of the range −1 to 1: the deviation to begin with, and what is left of it at least.
-_DEVIATION, _LEAST_DEVIATION = 1.0, 0.1
+_DEVIATION, _LEAST_DEVIATION = 1.0, 0.3
+_SMOOTHING = 0.7  # how far mean and deviation move to the elite's; those that jump there miss all but the next minimum
+_AFRESH = 4  # of so many sequences one is drawn as in the beginning, lest all go for the first minimum
 _COLLISION = 100.0  # m, by which an adversary prefers a collision
 
 
@@ -168,12 +170,19 @@ def _search_game(game: Game, search: Search, start: np.ndarray, normals: np.ndar
     found[0], found[1], found[2], found[3] = math.inf, math.inf, 0.0, 0.0
     for generation in range(search.generations):
         for one in range(search.population):
+            afresh = one % _AFRESH == 0
             for segment in range(search.segments):
                 for which in range(INPUTS):
-                    drawn = mean[segment, which] + deviation[segment, which] * normals[generation, one, segment, which]
+                    if afresh:
+                        drawn = _DEVIATION * normals[generation, one, segment, which]
+                    else:
+                        drawn = (
+                            mean[segment, which] + deviation[segment, which] * normals[generation, one, segment, which]
+                        )
                     choices[one, segment, which] = min(max(drawn, -1.0), 1.0)
             outcome = roll_out_choices(game, search, start, choices[one])
-            scores[one] = outcome.least_target - (_COLLISION if outcome.collided else 0.0)
+            # V as well, for V(0, ·) is often least at the start and says nothing then.
+            scores[one] = outcome.least_target + outcome.least_value - (_COLLISION if outcome.collided else 0.0)
             found[0], found[1] = min(found[0], outcome.least_target), min(found[1], outcome.least_value)
             found[2] = max(found[2], 1.0 if outcome.collided else 0.0)
             found[3] = max(found[3], 1.0 if outcome.without_escape else 0.0)
@@ -181,8 +190,9 @@ def _search_game(game: Game, search: Search, start: np.ndarray, normals: np.ndar
         for segment in range(search.segments):
             for which in range(INPUTS):
                 values = choices[elite, segment, which]
-                mean[segment, which] = values.mean()
-                deviation[segment, which] = max(values.std(), _LEAST_DEVIATION)
+                mean[segment, which] += _SMOOTHING * (values.mean() - mean[segment, which])
+                spread = deviation[segment, which] + _SMOOTHING * (values.std() - deviation[segment, which])
+                deviation[segment, which] = max(spread, _LEAST_DEVIATION)
 
 
 @njit(cache=True, nogil=True)
