@@ -22,6 +22,7 @@ _ROWS = (
 )
 
 
+# Nine parameters: each is an option of the command line.
 @app.command(epilog=example("hj-cosim check highway --adversary search --games 200 --seed 1"))
 def check(
     specification: Specification,

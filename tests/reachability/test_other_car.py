@@ -149,7 +149,5 @@ def test_dissipation_bounds_every_slope_of_the_hamiltonian_under_duties_too() ->
     for axis in range(5):
         moved = slopes.copy()
         moved[:, axis] += 0.1
-        rise = hamiltonian_values(game, states, moved, c, UNLIMITED) - game.hamiltonian_values(
-            states, slopes, c, UNLIMITED
-        )
-        assert (np.abs(rise) / 0.1 <= alpha[axis] + 0.02).all()
+        before, after = (hamiltonian_values(game, states, each, c, UNLIMITED) for each in (slopes, moved))
+        assert (np.abs(after - before) / 0.1 <= alpha[axis] + 0.02).all()
