@@ -8,9 +8,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hj_cosim.cosim.episode import run_episode
     from hj_cosim.reachability.table.store import load_table, solve_table
     from hj_cosim.recording.run_folder import read_run
+    from hj_cosim.run import run_episode
     from hj_cosim.study.study import read_study, run_study
     from hj_cosim.traffic.sources.scenarios import load_scenario
 
@@ -22,7 +22,7 @@ _HOMES = {
     "load_table": "hj_cosim.reachability.table.store",
     "read_run": "hj_cosim.recording.run_folder",
     "read_study": "hj_cosim.study.study",
-    "run_episode": "hj_cosim.cosim.episode",
+    "run_episode": "hj_cosim.run",
     "run_study": "hj_cosim.study.study",
     "solve_table": "hj_cosim.reachability.table.store",
 }

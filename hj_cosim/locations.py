@@ -87,6 +87,7 @@ def find_toml(name: str, folder: Path, kind: str) -> Path:
         return path
     if name not in names_in(folder):
         raise ConfigurationError(
-            f"no {kind} is called {_beginning(repr(name))}; choose one of {', '.join(names_in(folder))}, or give a path to a .toml"
+            f"no {kind} is called {_beginning(repr(name))}; choose one of {', '.join(names_in(folder))},"
+            " or give a path to a .toml"
         )
     return folder / f"{name}.toml"

@@ -72,6 +72,7 @@ class Study:
         return int(self.table["missing"].sum())
 
 
+# Fourteen parameters: each is a keyword of the library's face, and all but the first have to be named.
 def run_study(
     scenarios: Texts | None = None,
     *,

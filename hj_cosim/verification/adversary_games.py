@@ -13,14 +13,14 @@ from numba import njit
 
 from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.control.problem.safety_problem import available_controls
+from hj_cosim.control.spc.approach import asked_rise
 from hj_cosim.control.spc.escape import NO_ESCAPE, NO_MANOEUVRE, is_to_be_looked_at, keep_escape
-from hj_cosim.control.spc.recovery import recovery_rate
 from hj_cosim.reachability.games.highway.other_car import allowed
 from hj_cosim.reachability.games.highway.rows import worst_drift
 from hj_cosim.reachability.games.highway.target import target_at
 from hj_cosim.reachability.table.lookup import value_and_gradient_at
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
-from hj_cosim.verification.filter_games import Game, bodies_overlap, game_step
+from hj_cosim.verification.filter_games import Game, bodies_overlap, game_step, gripped
 
 CRUISE, FULL_THROTTLE, STEERING_AT_THE_CAR, WITHIN_TRACKING, CHOSEN = 0, 1, 2, 3, 4  # desired controls
 INPUTS = 4  # θ_o, a_o, and of the desired control what turns and what accelerates
@@ -28,7 +28,9 @@ INPUTS = 4  # θ_o, a_o, and of the desired control what turns and what accelera
 _TRACKED_HEADING, _TRACKED_SPEED = 0.3, 4.0
 _K_ACCELERATION = 1.67  # 1/s, K_2 of the tracker
 # Of the range −1 to 1: the deviation to begin with, and what is left of it at least.
-_DEVIATION, _LEAST_DEVIATION = 1.0, 0.1
+_DEVIATION, _LEAST_DEVIATION = 1.0, 0.3
+_SMOOTHING = 0.7  # how far mean and deviation move to the elite's; those that jump there miss all but the next minimum
+_AFRESH = 4  # of so many sequences one is drawn as in the beginning, lest all go for the first minimum
 _COLLISION = 100.0  # m, by which an adversary prefers a collision
 
 
@@ -92,13 +94,14 @@ def _filtered(
     """Return what SPC makes of the control asked for, ω and a; V; the manoeuvre driven; whether none escapes."""
     p_x, p_y = robot[0] - car[0], robot[1] - car[1]
     value = value_and_gradient_at(game.table, p_x, p_y, robot[2], robot[3], car[2], gradient)
-    box = available_controls(game.limits, robot[2], robot[3], game.bounds, game.step)
+    limits = gripped(game.limits, robot[3], game.sideways)
+    box = available_controls(limits, robot[2], robot[3], game.bounds, game.step)
     omega, acceleration = min(max(asked[0], box[0]), box[1]), min(max(asked[1], box[2]), box[3])
     in_k = value <= game.epsilon
-    if in_k:
+    if in_k or (game.approach > 0.0 and value < math.inf):
         state = np.array([p_x, p_y, robot[2], robot[3], car[2]])
         drift = worst_drift(gradient, state, game.other)
-        drift -= recovery_rate(value, game.epsilon, game.recovery)
+        drift -= asked_rise(value, game.epsilon, game.recovery, game.approach)
         p, q, c = gradient[2:3].copy(), gradient[3:4].copy(), np.array([drift])
         wanted = previous_omega if game.slack_is_free else omega
         omega, acceleration, _ = least_cost_control(
@@ -145,8 +148,8 @@ def roll_out_choices(game: Game, search: Search, start: np.ndarray, choices: np.
         if sample == search.samples or collided:
             break
         previous_omega = omega
-        limits = allowed(game.other, p_x, p_y, robot[3], car[2])
-        heading, gain = _between(choice[0], limits[0], limits[1]), _between(choice[1], limits[2], limits[3])
+        may = allowed(game.other, p_x, p_y, robot[3] * math.sin(robot[2]), robot[3], car[2])
+        heading, gain = math.asin(_between(choice[0], may.right, may.left)), _between(choice[1], may.least, may.most)
         end = min(max(car[2] + gain * game.step, 0.0), game.other_speed_max)
         driven_way = 0.5 * (car[2] + end) * game.step
         car[0] += driven_way * math.cos(heading)
@@ -168,12 +171,19 @@ def _search_game(game: Game, search: Search, start: np.ndarray, normals: np.ndar
     found[0], found[1], found[2], found[3] = math.inf, math.inf, 0.0, 0.0
     for generation in range(search.generations):
         for one in range(search.population):
+            afresh = one % _AFRESH == 0
             for segment in range(search.segments):
                 for which in range(INPUTS):
-                    drawn = mean[segment, which] + deviation[segment, which] * normals[generation, one, segment, which]
+                    if afresh:
+                        drawn = _DEVIATION * normals[generation, one, segment, which]
+                    else:
+                        drawn = (
+                            mean[segment, which] + deviation[segment, which] * normals[generation, one, segment, which]
+                        )
                     choices[one, segment, which] = min(max(drawn, -1.0), 1.0)
             outcome = roll_out_choices(game, search, start, choices[one])
-            scores[one] = outcome.least_target - (_COLLISION if outcome.collided else 0.0)
+            # V as well, for V(0, ·) is often least at the start and says nothing then.
+            scores[one] = outcome.least_target + outcome.least_value - (_COLLISION if outcome.collided else 0.0)
             found[0], found[1] = min(found[0], outcome.least_target), min(found[1], outcome.least_value)
             found[2] = max(found[2], 1.0 if outcome.collided else 0.0)
             found[3] = max(found[3], 1.0 if outcome.without_escape else 0.0)
@@ -181,8 +191,9 @@ def _search_game(game: Game, search: Search, start: np.ndarray, normals: np.ndar
         for segment in range(search.segments):
             for which in range(INPUTS):
                 values = choices[elite, segment, which]
-                mean[segment, which] = values.mean()
-                deviation[segment, which] = max(values.std(), _LEAST_DEVIATION)
+                mean[segment, which] += _SMOOTHING * (values.mean() - mean[segment, which])
+                spread = deviation[segment, which] + _SMOOTHING * (values.std() - deviation[segment, which])
+                deviation[segment, which] = max(spread, _LEAST_DEVIATION)
 
 
 @njit(cache=True, nogil=True)

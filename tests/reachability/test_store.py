@@ -8,16 +8,14 @@ import numpy as np
 import pytest
 
 from hj_cosim.errors import ConfigurationError, TableError
+from hj_cosim.reachability.table.size_classes import CAR, SIZE_CLASSES, size_class
 from hj_cosim.reachability.table.store import (
-    CAR,
-    SIZE_CLASSES,
     for_pair,
     kept_table,
     load_table,
     read_specification,
     require_robot,
     save_table,
-    size_class,
     solve_table,
 )
 from hj_cosim.reachability.table.table import ValueTable
