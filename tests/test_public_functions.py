@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import hj_cosim
+from hj_cosim import run
 from hj_cosim.analysis.export import export_run
-from hj_cosim.cosim import episode
 from hj_cosim.errors import HjCosimError
 
 STRANGE = (
@@ -34,7 +34,7 @@ def here(tmp_path, monkeypatch):
         raise WorkBegins
 
     study = importlib.import_module("hj_cosim.study.study")
-    for module, name in ((episode, "load_table"), (study, "load_table"), (study, "conduct")):
+    for module, name in ((run, "load_table"), (study, "load_table"), (study, "conduct")):
         monkeypatch.setattr(module, name, begin)
     monkeypatch.chdir(tmp_path)
     return tmp_path
