@@ -204,17 +204,7 @@ def too_long(path: Path) -> Iterator[str]:
             yield f"{path.name}:{node.lineno} {node.name} has {count} parameters, {MOST_PARAMETERS} are the most"
 
 
-# Rooms with functions that are handed too much, and not yet mended: who mends one takes its name away here.
-OVERLOADED = {"control/spc", "reachability/games/highway", "verification"}
-
-
-@pytest.mark.parametrize(
-    "folder",
-    [
-        pytest.param(folder, marks=pytest.mark.xfail(folder in OVERLOADED, reason="not yet mended", strict=True))
-        for folder in folders()
-    ],
-)
+@pytest.mark.parametrize("folder", folders())
 def test_files_are_short_and_functions_are_handed_little(folder):
     found = [sentence for path in sorted((PACKAGE / folder).glob("*.py")) for sentence in too_long(path)]
     assert not found, "\n".join(found)

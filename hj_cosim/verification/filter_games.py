@@ -137,6 +137,7 @@ def _desired_control(
     return (limits[0] if slope[0] > 0.0 else limits[1]), (limits[2] if slope[1] > 0.0 else limits[3])
 
 
+# Ten parameters: the last three are arrays to write into, so that a chunk of games allocates nothing.
 @njit(cache=True, nogil=True)
 def _roll_out(
     game: Game,
@@ -237,6 +238,7 @@ def _roll_out(
             game_step(robot, omega, acceleration, game.bounds[3], game.step)
 
 
+# Ten parameters: those of _roll_out.
 @njit(cache=True, nogil=True)
 def roll_out_all(
     game: Game,
