@@ -12,7 +12,7 @@ from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.cosim.configuration import resolve_config, stack_flags
 from hj_cosim.cosim.episode import Episode, Progress, run_in_sumo, write_episode
 from hj_cosim.files import file_name
-from hj_cosim.locations import runs_folder
+from hj_cosim.locations import given_path, runs_folder
 from hj_cosim.planning.contract import Planner
 from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
 from hj_cosim.reachability.table.store import load_table
@@ -87,7 +87,7 @@ def run_episode(
     flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
     tell = progress if isinstance(progress, EpisodeProgress) else EpisodeProgress(progress)
-    folder = out(config) if callable(out) else None if out is None else Path(out)
+    folder = out(config) if callable(out) else None if out is None else given_path(out, "out")
     if folder is not None:
         require_free_folder(folder)
     value_table = load_table(config.table, tell.solving, robot=config.robot, announce=tell.announce)

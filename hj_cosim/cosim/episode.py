@@ -13,7 +13,7 @@ from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.control.guard import DESIRED_NOT_FINITE, NOT_JUDGED, GuardedFilter
 from hj_cosim.control.problem.safety_problem import FAILED
 from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE, SafetyPreservingFilter
-from hj_cosim.control.tracking import tracking_control
+from hj_cosim.control.tracking import eased, tracking_control
 from hj_cosim.cosim.configuration import config_toml
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.errors import DriveEnded, SimulationError
@@ -28,7 +28,7 @@ from hj_cosim.reachability.table.store import require_robot
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import COLLISION, DURATION, RunRecord
 from hj_cosim.recording.run_folder import Keep, write_run
-from hj_cosim.scene.observation import FARTHEST, Observation, Target, is_possible
+from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target, is_possible
 from hj_cosim.settings import EpisodeConfig
 from hj_cosim.traffic.contract import World
 from hj_cosim.traffic.sumo.world import SumoWorld
@@ -100,7 +100,7 @@ def drive(
     guarded_filter.prepare(observation, values)
     along, lateral, _, speed = observation.robot.tolist()
     target = Target(lane=world.road.lane_at(lateral, along), speed=speed)
-    plan = Plan(IDLE, target)
+    plan, desired = Plan(IDLE, target), Control(0.0, 0.0)
     ended = DURATION
     for sample in range(samples):
         if sample % samples_per_plan == 0:
@@ -109,7 +109,8 @@ def drive(
                 target = plan.target
             if progress is not None:
                 progress(sample, samples)
-        desired = tracking_control(observation.robot, target, world.road, config.tracking, robot)
+        wanted = tracking_control(observation.robot, target, world.road, config.tracking, robot)
+        desired = eased(wanted, desired, config.tracking.jerk_max, simulation.step)
         decision = guarded_filter.filter(observation, values, desired)
         omega, acceleration = decision.control.omega, decision.control.acceleration
         steering = steering_for(omega, float(observation.robot[3]), robot.wheelbase)

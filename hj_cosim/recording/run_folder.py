@@ -7,6 +7,7 @@ compression are fixed, and what depends on the time or the machine is in timing.
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
+from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,6 +17,7 @@ import pyarrow.parquet as pq
 
 from hj_cosim.errors import ConfigurationError, HjCosimError, RunFolderError
 from hj_cosim.files import naming_the_place, remove_abandoned, require_writable, temporary_folder
+from hj_cosim.locations import given_path
 from hj_cosim.recording.columns import name_column, numeric_column, text_column
 from hj_cosim.recording.record import DURATION, NO_VEHICLE, ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
 from hj_cosim.recording.run_bounds import (
@@ -205,12 +207,14 @@ def _writing(schema: pa.Schema) -> dict[str, Any]:
     }
 
 
-def read_run(folder: Path) -> Run:
+def read_run(folder: PathLike[str] | str) -> Run:
     """Return the run in `folder`, which anybody may have made.
 
     Raises:
+        ConfigurationError: if `folder` is no path.
         RunFolderError: if the folder or one of its files is missing, broken, or larger than `run_bounds` allows.
     """
+    folder = given_path(folder, "the run's folder")
     config = read_config(folder)
     missing = [name for name in (TRAJECTORIES, ROBOT, SUMMARY) if not (folder / name).exists()]
     if missing:

@@ -13,7 +13,7 @@ import pandas as pd
 
 from hj_cosim import __version__
 from hj_cosim.errors import ConfigurationError, RunFolderError
-from hj_cosim.locations import runs_folder
+from hj_cosim.locations import given_path, runs_folder
 from hj_cosim.reachability.table.store import KeptTable, kept_table, load_table
 from hj_cosim.recording.study_files import (
     CLAIMS_TABLE,
@@ -35,7 +35,7 @@ from hj_cosim.study.figures import draw_figures
 from hj_cosim.study.folder import Failure, StudyFolder
 from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob, table_key
 from hj_cosim.study.local_workers import LocalWorkers
-from hj_cosim.study.request import Texts, given_fields, given_path, new_study, resumed_study
+from hj_cosim.study.request import Texts, given_fields, new_study, resumed_study
 from hj_cosim.study.results import is_complete, read_result
 from hj_cosim.study.stacks import Stack
 from hj_cosim.study.statistics import RowStatistics
@@ -140,7 +140,7 @@ def run_study(
         keep=keep,
     )
     engine = _engine(workers, scheduler)
-    folder = _study_folder(given_path(out), given, resume=resume)
+    folder = _study_folder(None if out is None else given_path(out, "out"), given, resume=resume)
     driven = {table_key(cell.config): cell.config for cell in folder.design.cells}
     kept = {key: kept_table(config.table, config.robot) for key, config in sorted(driven.items())}
     folder.begin(_program(kept), resume=resume)
@@ -283,9 +283,10 @@ def read_study(folder: PathLike[str] | str) -> Study:
         folder: what `run_study` or `hj-cosim study` wrote.
 
     Raises:
+        ConfigurationError: if `folder` is no path.
         RunFolderError: if it holds no study, or one that is not finished.
     """
-    path = Path(folder)
+    path = given_path(folder, "the study's folder")
     names = (TABLE, DIFFERENCES, COMPARISON, CLAIMS_TABLE)
     for name in names:
         if not (path / name).is_file():

@@ -161,6 +161,8 @@ def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, r
         slack_is_free=weights.slack_is_free,
         epsilon=spc.epsilon,
         recovery=spc.recovery,
+        approach=spc.approach,
+        sideways=robot.lateral_acceleration_max,
         step=settings.step,
         other=Disturbance.of_game(table.parameters),
         extent=Extent.of(table),

@@ -72,7 +72,7 @@ class NearestControl:
             desired: finite, within the robot's limits.
             available: (4,) lower and upper ω, lower and upper a.
         """
-        if constraints == 0:
+        if len(rows) == 0:
             return RowsDecision(desired, desired=desired, rows=NO_ROWS, available=available)
         omega = self.applied_omega if self._holds_steering else desired.omega
         solution = self._solver.solve(rows, omega, desired.acceleration, available)

@@ -138,7 +138,7 @@ def find_specification(name_or_path: str) -> Path:
     Raises:
         ConfigurationError: if there is none.
     """
-    path = Path(name_or_path).expanduser()
+    path = locations.given_path(name_or_path, "the value table").expanduser()
     if path.suffix == ".npz":
         if not path.is_file():
             raise ConfigurationError(f"table file {name_or_path} does not exist; solve it with `hj-cosim table solve`")
@@ -294,7 +294,7 @@ def solve_table(specification: TableSpecification | str, progress: Progress | No
         TableError: if the solution is not finite.
     """
     name = "the table specification"
-    if isinstance(specification, str):
+    if not isinstance(specification, TableSpecification):
         name = str(find_specification(specification))
         specification = read_specification(Path(name))
     game = find_game(specification.dynamics)
