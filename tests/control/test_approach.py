@@ -57,10 +57,11 @@ def test_constraints_are_the_cars_in_k_though_rows_begin_above(table, observe) -
     assert decision.control.acceleration < 4.0
 
 
+@pytest.mark.parametrize("kind", ["spc", "rss"])
 @pytest.mark.parametrize("speed", [5.0, 20.0, 35.0])
-def test_tyres_hold_every_turn_that_the_filter_chooses(table, observe, speed: float) -> None:
+def test_tyres_hold_every_turn_that_a_filter_chooses(table, observe, kind: str, speed: float) -> None:
     robot = RobotSettings(lateral_acceleration_max=3.0)
-    spc = FilterInLoop(FilterSettings(kind="spc", approach=6.0), table, robot)
+    spc = FilterInLoop(FilterSettings(kind=kind, approach=6.0), table, robot)
     for side in (-1.0, 1.0):
         seen = observe([0.0, 4.0, -0.1 * side, speed], [[3.0, 4.0 - 3.0 * side, 0.0, speed]])
         control = spc.filter(seen, Control(0.0, 0.0)).control

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from hj_cosim.control.contract import CANNOT_JUDGE, FilterDecision
-from hj_cosim.control.problem.nearest_control import NearestControl, RowsDecision, limits_of
+from hj_cosim.control.problem.nearest_control import Grip, NearestControl, RowsDecision, limits_of
 from hj_cosim.control.problem.safety_problem import NO_ROWS, SafetyRows, available_controls
 from hj_cosim.control.spc.approach import binding_rows
 from hj_cosim.control.spc.escape import (
@@ -51,8 +51,7 @@ class SafetyPreservingFilter:
         self._approach = settings.approach
         # Below its bound a car may need a row: ε, or any V that a look-up gives.
         self._bound = settings.epsilon if settings.approach == 0.0 else np.finfo(np.float64).max
-        self._sideways = robot.lateral_acceleration_max
-        self._gripping = robot.lateral_acceleration_max / robot.omega_max  # m/s, up to which tyres hold any turn
+        self._grip = Grip(robot)
         self._step = step
         self._table = table
         self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
@@ -103,11 +102,7 @@ class SafetyPreservingFilter:
     def _available(self, robot: np.ndarray) -> np.ndarray:
         """Return the controls that the tyres hold and that do not lead beyond the table within a step, (4,)."""
         heading, speed = float(robot[2]), float(robot[3])
-        limits = self._limits
-        if speed > self._gripping:
-            limits = limits.copy()
-            limits[1] = self._sideways / speed
-            limits[0] = -limits[1]
+        limits = self._grip.limits_at(speed)
         if (
             self._free_heading[0] <= heading <= self._free_heading[1]
             and self._free_speed[0] <= speed <= self._free_speed[1]
