@@ -33,7 +33,7 @@ from hj_cosim.study.design import StudyDesign
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.figures import draw_figures
 from hj_cosim.study.folder import Failure, StudyFolder
-from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob, table_key
+from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob
 from hj_cosim.study.local_workers import LocalWorkers
 from hj_cosim.study.request import Texts, given_fields, new_study, resumed_study
 from hj_cosim.study.results import is_complete, read_result
@@ -141,7 +141,7 @@ def run_study(
     )
     engine = _engine(workers, scheduler)
     folder = _study_folder(None if out is None else given_path(out, "out"), given, resume=resume)
-    driven = {table_key(cell.config): cell.config for cell in folder.design.cells}
+    driven = folder.tables
     kept = {key: kept_table(config.table, config.robot) for key, config in sorted(driven.items())}
     folder.begin(_program(kept), resume=resume)
     if folder.is_finished():
