@@ -8,19 +8,21 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hj_cosim.cosim.episode import run_episode
     from hj_cosim.reachability.table.store import load_table, solve_table
+    from hj_cosim.recording.run_folder import read_run
+    from hj_cosim.run import run_episode
     from hj_cosim.study.study import read_study, run_study
     from hj_cosim.traffic.sources.scenarios import load_scenario
 
-__all__ = ["load_scenario", "load_table", "read_study", "run_episode", "run_study", "solve_table"]
+__all__ = ["load_scenario", "load_table", "read_run", "read_study", "run_episode", "run_study", "solve_table"]
 __version__ = "0.1.0"
 
 _HOMES = {
     "load_scenario": "hj_cosim.traffic.sources.scenarios",
     "load_table": "hj_cosim.reachability.table.store",
+    "read_run": "hj_cosim.recording.run_folder",
     "read_study": "hj_cosim.study.study",
-    "run_episode": "hj_cosim.cosim.episode",
+    "run_episode": "hj_cosim.run",
     "run_study": "hj_cosim.study.study",
     "solve_table": "hj_cosim.reachability.table.store",
 }

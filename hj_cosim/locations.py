@@ -1,11 +1,14 @@
 """Where scenarios, table specifications, solved tables and runs live: in a clone, or beside an installed wheel."""
 
+import errno
+import os
 from pathlib import Path
 
 import platformdirs
 
 from hj_cosim.errors import ConfigurationError
 
+_LONGEST_SHOWN = 100  # characters of a wrong name in a message
 _PACKAGE = Path(__file__).resolve().parent
 _CLONE = _PACKAGE.parent
 
@@ -41,6 +44,34 @@ def names_in(folder: Path) -> list[str]:
     return sorted(path.stem for path in folder.glob("*.toml"))
 
 
+def given_path(place: object, what: str) -> Path:
+    """Return a path that a caller gave, as a text or a path; nothing needs to be there.
+
+    Args:
+        place: what was given.
+        what: it should be the path of, for the message.
+
+    Raises:
+        ConfigurationError: if it is no path, or one that no file can have.
+    """
+    if not isinstance(place, str | os.PathLike):
+        given = repr(place) if isinstance(place, int | float) else type(place).__name__
+        raise ConfigurationError(f"{what}: {_beginning(given)} is no path; give one as a text or a pathlib.Path")
+    path = Path(place)
+    try:
+        path.lstat()
+    except ValueError as error:
+        raise ConfigurationError(f"{what}: {_beginning(repr(str(path)))} is no path: {error}") from error
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise ConfigurationError(f"{what}: {_beginning(str(path))} is too long a name for a file") from error
+    return path
+
+
+def _beginning(text: str) -> str:
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+
+
 def find_toml(name: str, folder: Path, kind: str) -> Path:
     """Return the TOML file that `name` means: a path ending in .toml, or a name in `folder`.
 
@@ -48,12 +79,15 @@ def find_toml(name: str, folder: Path, kind: str) -> Path:
         ConfigurationError: if there is no such file; the message lists the names that exist.
     """
     if name.endswith(".toml"):
-        path = Path(name).expanduser()
+        path = given_path(name, kind).expanduser()
         if not path.is_file():
-            raise ConfigurationError(f"{kind} file {name} does not exist; give a path to a TOML file or a name")
+            raise ConfigurationError(
+                f"{kind} file {_beginning(name)} does not exist; give a path to a TOML file or a name"
+            )
         return path
     if name not in names_in(folder):
         raise ConfigurationError(
-            f"no {kind} is called {name!r}; choose one of {', '.join(names_in(folder))}, or give a path to a .toml"
+            f"no {kind} is called {_beginning(repr(name))}; choose one of {', '.join(names_in(folder))},"
+            " or give a path to a .toml"
         )
     return folder / f"{name}.toml"

@@ -38,7 +38,7 @@ def values(annotation: Any, low: float = -math.inf, high: float = math.inf) -> s
         return st.lists(values(arguments[0]), max_size=3)
     if annotation is bool:
         return st.booleans()
-    ordinary = (max(low, 0.0), min(high, 30.0))
+    ordinary = (max(low, 0.0) if high >= 0.0 else low, min(high, 30.0))
     if annotation is int:
         return st.integers(int(ordinary[0]), min(int(ordinary[1]), 6))
     if annotation is float:

@@ -13,8 +13,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hj_cosim.cosim.episode import Episode, run_episode
+from hj_cosim.cosim.episode import Episode
 from hj_cosim.errors import ConfigurationError
+from hj_cosim.run import run_episode
 
 HERE = Path(__file__).resolve().parent
 GOLDEN = HERE / "fixtures" / "golden.json"

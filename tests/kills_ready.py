@@ -6,7 +6,7 @@ from pathlib import Path
 
 from kills import A_FEW_CARS
 
-from hj_cosim.cosim.episode import run_episode
+from hj_cosim.run import run_episode
 from hj_cosim.study import study  # noqa: F401  only loaded
 
 with tempfile.TemporaryDirectory() as folder:

@@ -10,9 +10,10 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from hj_cosim.cosim.configuration import config_toml, resolve_config
-from hj_cosim.cosim.episode import new_run_folder, run_in_sumo
+from hj_cosim.cosim.episode import run_in_sumo
 from hj_cosim.errors import HjCosimError
 from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.run import new_run_folder
 from hj_cosim.settings import EpisodeConfig, Scenario, parse_assignment, read_toml
 
 # The same examples every time; a scene of four cars for half a second, so that hundreds of them are cheap.

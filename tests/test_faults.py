@@ -9,9 +9,9 @@ from pathlib import Path
 import libsumo
 import pytest
 
+from hj_cosim import run as run_module
 from hj_cosim import run_episode
 from hj_cosim.analysis.replay import write_replay
-from hj_cosim.cosim import episode
 from hj_cosim.files import UNFINISHED
 from hj_cosim.locations import scenarios_folder
 from hj_cosim.reachability.table import store as value_table
@@ -119,7 +119,7 @@ def test_disk_too_full_for_what_libraries_keep_is_named(drive, monkeypatch):
     def keep_a_kernel(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "/cache/kernel.nbi")
 
-    monkeypatch.setattr(episode, "run_in_sumo", keep_a_kernel)
+    monkeypatch.setattr(run_module, "run_in_sumo", keep_a_kernel)
     status, said = drive()
     assert status == 2
     assert "error: the system refuses /cache/kernel.nbi: No space left on device; free some space" in said
@@ -138,7 +138,12 @@ def test_read_only_folder_is_named_before_any_work(call, monkeypatch, scenario, 
     def work(*_, **__):
         raise AssertionError("the work had begun")
 
-    for module, name in ((episode, "run_in_sumo"), (value_table, "solve_table"), (value_table, "load_table")):
+    for module, name in (
+        (run_module, "run_in_sumo"),
+        (run_module, "load_table"),
+        (value_table, "solve_table"),
+        (value_table, "load_table"),
+    ):
         monkeypatch.setattr(module, name, work)
     names = {
         "SCENARIO": str(scenario),
@@ -168,7 +173,7 @@ def test_read_only_folder_is_named(call, driven, arguments):
 @pytest.mark.parametrize(
     ("module", "name", "reason"),
     [
-        (value_table, "load_table", "'{}' is not in"),  # after the configuration was checked, before the road is read
+        (run_module, "load_table", "'{}' is not in"),  # after the configuration was checked, before the road is read
         (sumo_world, "write_routes", "SUMO cannot run scenario few on {}: "),  # after that, before SUMO reads it
     ],
 )

@@ -1,1 +1,1 @@
-"""Threat metrics, summaries, figures and exports."""
+"""Figures, replays, reports and exports, made from what was recorded."""

@@ -7,6 +7,7 @@ import gzip
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from os import PathLike
 from pathlib import Path
 from typing import IO, Any
 from xml.sax.saxutils import escape
@@ -19,9 +20,11 @@ import pyarrow.parquet as pq
 
 from hj_cosim.errors import OutputError, RunFolderError
 from hj_cosim.files import whole_file
+from hj_cosim.locations import given_path
 from hj_cosim.recording.run_bounds import open_columns
 from hj_cosim.recording.run_folder import TRAJECTORIES, read_config, require_not_own_file, road_of
 from hj_cosim.scene.road import Road
+from hj_cosim.settings import shown
 
 # What each format's file is called when no name is given.
 DEFAULT_NAMES = {"csv": "trajectories.csv", "parquet": "trajectories.plain.parquet", "fcd": "trajectories.fcd.xml"}
@@ -32,7 +35,7 @@ _FORMATS_OF_SUFFIXES = {".csv": "csv", ".parquet": "parquet", ".xml": "fcd"}
 _OTHER_COMPRESSIONS = (".bz2", ".xz", ".zst", ".zip", ".7z", ".tgz", ".tar")
 
 
-def export_run(folder: Path, format: str | None = None, out: Path | None = None) -> Path:
+def export_run(folder: PathLike[str] | str, format: str | None = None, out: PathLike[str] | str | None = None) -> Path:
     """Write a run's trajectories in another form.
 
     `csv` and `parquet` have the columns of trajectories.parquet, the names as plain strings, in compression that every
@@ -50,12 +53,15 @@ def export_run(folder: Path, format: str | None = None, out: Path | None = None)
         The file that was written.
 
     Raises:
+        ConfigurationError: if `folder` or `out` is no path.
         OutputError: if the format is unknown, or the file's name contradicts it.
         RunFolderError: if the folder holds no run, or the file belongs to one.
         HjCosimError: if the file cannot be written.
     """
+    folder = given_path(folder, "the run's folder")
+    out = None if out is None else given_path(out, "out")
     kind = _format_of(format, out)
-    target = out or folder / DEFAULT_NAMES[kind]
+    target = folder / DEFAULT_NAMES[kind] if out is None else out
     require_not_own_file(target)
     if not (folder / TRAJECTORIES).is_file():
         raise RunFolderError(f"{folder} holds no run: {TRAJECTORIES} is missing")
@@ -84,8 +90,8 @@ def _format_of(format: str | None, out: Path | None) -> str:
         OutputError: if there is none of that name, the two contradict each other, or neither says anything.
     """
     choice = f"choose one of {', '.join(DEFAULT_NAMES)}"
-    if format is not None and format not in DEFAULT_NAMES:
-        raise OutputError(f"cannot export as {format!r}; {choice}")
+    if format is not None and (not isinstance(format, str) or format not in DEFAULT_NAMES):
+        raise OutputError(f"cannot export as {shown(repr(format))}; {choice}")
     if out is None:
         return format or "csv"
     if out.suffix in _OTHER_COMPRESSIONS:

@@ -22,6 +22,7 @@ _ROWS = (
 )
 
 
+# Nine parameters: each is an option of the command line.
 @app.command(epilog=example("hj-cosim check highway --adversary search --games 200 --seed 1"))
 def check(
     specification: Specification,
@@ -34,11 +35,12 @@ def check(
     above: Annotated[float, typer.Option(help="m; games start with V above this.")] = 2.0,
     up_to: Annotated[float, typer.Option(help="m; and with V up to this.")] = 2.5,
     seed: Annotated[int, typer.Option(min=0, help="Of starts and search.")] = 0,
+    preset: Annotated[str, typer.Option(help="best or paper: whose robot and filter.")] = "best",
     as_json: Json = False,
 ) -> None:
     """Attack the filter: search for what another car, and the planner, could do that hurts most."""
     from hj_cosim.reachability.table.store import load_table
-    from hj_cosim.settings import FilterSettings
+    from hj_cosim.settings import robot_and_filter
     from hj_cosim.verification.adversary import DESIRED, AdversarySettings, search_adversary
 
     if adversary != "search":
@@ -48,14 +50,14 @@ def check(
             raise ConfigurationError(f"--desired {name} is not known; choose from {', '.join(DESIRED)}")
     if not above < up_to:
         raise ConfigurationError(f"--above {above:g} and --up-to {up_to:g} leave no V to start from; --up-to is larger")
+    robot, spc = robot_and_filter(preset)
     found: dict[str, dict[str, Any]] = {}
     with progress_bars() as bars:
         table = load_table(specification, bar(bars, f"solving table {specification}"))
         for name in DESIRED:
             if desired is None or name in desired:
                 settings = AdversarySettings(games=games, desired=name, above=above, up_to=up_to, seed=seed)
-                spc = FilterSettings(keep_escape=True)
-                report = search_adversary(table, settings, spc, progress=bar(bars, f"searching: {name}"))
+                report = search_adversary(table, settings, spc, robot, progress=bar(bars, f"searching: {name}"))
                 found[name] = {**asdict(report), "games": games}
     if as_json:
         print_json(found)

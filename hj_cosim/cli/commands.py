@@ -14,7 +14,7 @@ from hj_cosim.cli import run_commands, study_command, table_commands, check_comm
 # isort: on
 from hj_cosim.cli.app import app
 from hj_cosim.cli.console import messages
-from hj_cosim.cli.entry import INTERRUPTED, MESSAGE
+from hj_cosim.cli.interruption import INTERRUPTED, MESSAGE
 from hj_cosim.errors import HjCosimError
 
 

@@ -10,8 +10,7 @@ import sys
 from types import FrameType
 from typing import NoReturn
 
-INTERRUPTED = 130  # the exit status, 128 + SIGINT, as shells have it
-MESSAGE = "interrupted; nothing half-written was left, and a study goes on with --resume"
+from hj_cosim.cli.interruption import INTERRUPTED, MESSAGE
 
 
 class _Interruptions:

@@ -22,6 +22,7 @@ from hj_cosim.cli.console import (
 from hj_cosim.locations import runs_folder
 
 
+# Thirteen parameters: each is an option of the command line.
 @app.command(epilog=example("hj-cosim run dense --planner op --seed 3 --set planner.expansions=200"))
 def run(
     scenario: Scenario = "paper",
@@ -41,7 +42,7 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Drive one episode and write its folder."""
-    from hj_cosim.cosim.episode import EpisodeProgress, new_run_folder, run_episode
+    from hj_cosim.run import EpisodeProgress, new_run_folder, run_episode
 
     warnings = WarningCount()
     if not verbose:

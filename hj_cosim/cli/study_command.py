@@ -12,6 +12,7 @@ from hj_cosim.cli.study_table import show_study
 from hj_cosim.errors import ConfigurationError
 
 
+# Fourteen parameters: each is an option of the command line.
 @app.command(
     epilog=example(
         "hj-cosim study --episodes 20",

@@ -90,7 +90,7 @@ def table_check(
     """Measure how good a table is: converged, near finer ones, and keeping its promise in closed loop."""
     from hj_cosim.cli.quality import quality_tables
     from hj_cosim.reachability.table.store import load_table
-    from hj_cosim.settings import FilterSettings
+    from hj_cosim.settings import FilterSettings, robot_and_filter
     from hj_cosim.verification.guarantee import RolloutSettings, measure_guarantee
     from hj_cosim.verification.table_quality import check_table
 
@@ -99,14 +99,16 @@ def table_check(
         quality = check_table(table, rollouts=rollouts, seconds=seconds, progress=bar(bars, "solving finer tables"))
     found: dict[str, Any] = {"table": asdict(quality)}
     if table.game.manoeuvres is not None:  # the filter is played out in the highway game alone
+        robot, best = robot_and_filter("best")
+        alone = FilterSettings(keep_escape=False)
         games = {
-            "game": (RolloutSettings(rollouts=rollouts), FilterSettings(keep_escape=True)),
-            "bicycle": (RolloutSettings(rollouts=rollouts, model="bicycle"), FilterSettings(keep_escape=True)),
-            "game, SPC alone": (RolloutSettings(rollouts=rollouts), FilterSettings(keep_escape=False)),
+            "game": (RolloutSettings(rollouts=rollouts), best),
+            "bicycle": (RolloutSettings(rollouts=rollouts, model="bicycle"), best),
+            "game, the paper's SPC": (RolloutSettings(rollouts=rollouts), alone),
         }
         with progress_bars() as bars:
             for name, (settings, spc) in games.items():
-                guarantee = measure_guarantee(table, settings, spc, progress=bar(bars, f"playing: {name}"))
+                guarantee = measure_guarantee(table, settings, spc, robot, progress=bar(bars, f"playing: {name}"))
                 found[f"filter, {name}"] = {**asdict(guarantee), "entered_percent": guarantee.entered_percent}
     if as_json:
         print_json(found)

@@ -8,6 +8,26 @@ from hj_cosim.scene.observation import Control, Target
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import RobotSettings, TrackingSettings
 
+_SLOWEST = 1e-3  # m/s, below which v ω holds nobody back
+
+
+def eased(desired: Control, before: Control, jerk_max: float, step: float) -> Control:
+    """Return a desired control whose acceleration has changed by no more than a jerk allows.
+
+    Measured from what was desired before, not from what was applied: a filter that brakes does not drag it along.
+
+    Args:
+        desired: by the tracking controller.
+        before: what was desired in the step before, eased.
+        jerk_max: m/s³.
+        step: s.
+    """
+    if not math.isfinite(desired.acceleration):
+        return desired
+    most = jerk_max * step
+    eased_to = min(max(desired.acceleration, before.acceleration - most), before.acceleration + most)
+    return Control(desired.omega, eased_to)
+
 
 def tracking_control(
     state: np.ndarray, target: Target, road: Road, settings: TrackingSettings, robot: RobotSettings
@@ -35,7 +55,9 @@ def tracking_control(
     if not (math.isfinite(omega) and math.isfinite(acceleration)):
         # Within the limits it would look like any other; as it is, the filter brakes instead, and counts it.
         return Control(omega, acceleration)
+    sideways = min(settings.lateral_acceleration_max, robot.lateral_acceleration_max)
+    turning_max = min(robot.omega_max, sideways / max(speed, _SLOWEST))
     return Control(
-        omega=min(max(omega, -robot.omega_max), robot.omega_max),
+        omega=min(max(omega, -turning_max), turning_max),
         acceleration=min(max(acceleration, robot.acceleration_min), robot.acceleration_max),
     )

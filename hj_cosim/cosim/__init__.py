@@ -1,1 +1,1 @@
-"""One episode: world, planner, controller, recorder."""
+"""One episode: its configuration and the loop that drives it."""

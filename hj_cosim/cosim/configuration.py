@@ -45,8 +45,10 @@ def resolve_config(
         PluginError: if a planner or a filter of one's own cannot be imported.
         NetworkError, ScenarioError: if the road cannot be used, or the cars do not fit on it.
     """
-    if preset not in PRESETS:
-        raise ConfigurationError(f"no preset is called {preset!r}; choose one of {', '.join(PRESETS)}")
+    if not isinstance(preset, str) or preset not in PRESETS:
+        raise ConfigurationError(f"no preset is called {shown(repr(preset))}; choose one of {', '.join(PRESETS)}")
+    if not isinstance(assignments, list | tuple) or not all(isinstance(text, str) for text in assignments):
+        raise ConfigurationError(f"settings = {shown(repr(assignments))} is no list of texts KEY=VALUE")
     layers = [("the command line", flags or {})]
     layers += [(f"--set {shown(assignment)}", parse_assignment(assignment)) for assignment in assignments]
     for _, layer in layers:

@@ -1,9 +1,8 @@
 """One episode: the robot drives through the world, planned for at 1 Hz, filtered at 50 Hz, recorded, written."""
 
-import itertools
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,26 +13,23 @@ from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.control.guard import DESIRED_NOT_FINITE, NOT_JUDGED, GuardedFilter
 from hj_cosim.control.problem.safety_problem import FAILED
 from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE, SafetyPreservingFilter
-from hj_cosim.control.tracking import tracking_control
-from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
+from hj_cosim.control.tracking import eased, tracking_control
+from hj_cosim.cosim.configuration import config_toml
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.errors import DriveEnded, SimulationError
-from hj_cosim.files import file_name
-from hj_cosim.locations import runs_folder
 from hj_cosim.metrics.catalogue import require_declared
 from hj_cosim.metrics.summary import summarize, timing
 from hj_cosim.metrics.threats import collides
 from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.contract import IDLE, Plan, Planner
 from hj_cosim.planning.guard import GuardedPlanner
-from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
 from hj_cosim.reachability.table.cars import car_values
-from hj_cosim.reachability.table.store import load_table, require_robot
+from hj_cosim.reachability.table.store import require_robot
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import COLLISION, DURATION, RunRecord
-from hj_cosim.recording.run_folder import Keep, require_free_folder, write_run
-from hj_cosim.scene.observation import FARTHEST, Observation, Target, is_possible
-from hj_cosim.settings import EpisodeConfig, Scenario
+from hj_cosim.recording.run_folder import Keep, write_run
+from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target, is_possible
+from hj_cosim.settings import EpisodeConfig
 from hj_cosim.traffic.contract import World
 from hj_cosim.traffic.sumo.world import SumoWorld
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
@@ -52,16 +48,6 @@ class Episode:
     drivers: np.ndarray  # (J, 6) the background drivers' IDM parameters, in the order of vehicles.idm
     timing: Mapping[str, float]  # what depends on the machine
     folder: Path | None = None  # the run's folder, where it was written
-
-
-@dataclass(frozen=True)
-class EpisodeProgress:
-    """Who is told how far an episode is; each is called with what is done and what there is in all."""
-
-    driving: Progress | None = None  # samples, once a plan
-    solving: Progress | None = None  # steps of the value table's solve, if it has to be solved
-    drawing: Progress | None = None  # pictures
-    announce: Callable[[str], None] | None = None  # in one sentence, what is solved before it is
 
 
 @dataclass(frozen=True)
@@ -114,7 +100,7 @@ def drive(
     guarded_filter.prepare(observation, values)
     along, lateral, _, speed = observation.robot.tolist()
     target = Target(lane=world.road.lane_at(lateral, along), speed=speed)
-    plan = Plan(IDLE, target)
+    plan, desired = Plan(IDLE, target), Control(0.0, 0.0)
     ended = DURATION
     for sample in range(samples):
         if sample % samples_per_plan == 0:
@@ -123,7 +109,8 @@ def drive(
                 target = plan.target
             if progress is not None:
                 progress(sample, samples)
-        desired = tracking_control(observation.robot, target, world.road, config.tracking, robot)
+        wanted = tracking_control(observation.robot, target, world.road, config.tracking, robot)
+        desired = eased(wanted, desired, config.tracking.jerk_max, simulation.step)
         decision = guarded_filter.filter(observation, values, desired)
         omega, acceleration = decision.control.omega, decision.control.acceleration
         steering = steering_for(omega, float(observation.robot[3]), robot.wheelbase)
@@ -211,17 +198,6 @@ def fallback_summary(diagnostics: Mapping[str, float]) -> dict[str, float]:
     }
 
 
-def new_run_folder(config: EpisodeConfig) -> Path:
-    """Return a folder that does not exist yet, in runs/, named for the scenario, the stack and the seed."""
-    stack = (plugin_name(config.planner.kind), plugin_name(config.filter.kind))
-    parts = [file_name(part) for part in (config.scenario.name, *stack)]
-    if config.filter.kind != "none":
-        parts.append(config.filter.scheme)
-    name = "-".join([*parts, str(config.seed)])
-    folders = (runs_folder() / (name if attempt == 1 else f"{name}-{attempt}") for attempt in itertools.count(1))
-    return next(folder for folder in folders if not folder.exists())
-
-
 def write_episode(episode: Episode, folder: Path, keep: Keep = "all") -> None:
     """Write an episode's run folder, all of it or nothing.
 
@@ -237,64 +213,3 @@ def write_episode(episode: Episode, folder: Path, keep: Keep = "all") -> None:
     require_declared(episode.summary)
     config_text = config_toml(episode.config)
     write_run(folder, episode.record, config_text, episode.summary, episode.drivers, keep, episode.timing)
-
-
-def run_episode(
-    scenario: str | Path | Scenario = "paper",
-    *,
-    planner: str | type | Planner | None = None,
-    filter: str | type | SafetyFilter | None = None,
-    scheme: str | None = None,
-    preset: str = "best",
-    seed: int | None = None,
-    duration: float | None = None,
-    table: str | None = None,
-    settings: Sequence[str] = (),
-    out: Path | str | Callable[[EpisodeConfig], Path] | None = None,
-    figures: bool = True,
-    progress: Progress | EpisodeProgress | None = None,
-) -> Episode:
-    """Drive one episode in SUMO; this is what `hj-cosim run` does.
-
-    Args:
-        scenario: a name in sumo_net/, a path to a scenario TOML, or a Scenario.
-        planner: hjop, op, idle, or one of one's own (planning/contract.py): `FILE.py:Class`, `package.module:Class`, a
-            class, or an object of one, which is used as it is; hjop unless given.
-        filter: spc, rss, none, or one of one's own (control/contract.py), likewise; spc unless given.
-        scheme: mi or sw, of the filters spc and rss.
-        preset: best or paper.
-        seed: of the traffic; the scenario's unless given.
-        duration: recorded time, s.
-        table: a name in value_tables/ or a path to a specification; solved first if it has not been.
-        settings: any other knobs, as texts KEY=VALUE, for example `planner.gamma_r=0.8`.
-        out: the run folder to write, or a function that names one, such as `new_run_folder`; nothing is written unless
-            given.
-        figures: whether a run folder's pictures are drawn, which takes longer than the drive.
-        progress: called with the samples driven and the samples in all, once a plan; an EpisodeProgress is told of
-            solving and drawing, too.
-
-    Returns:
-        The configuration, the record (arrays, SI units, road frame), the summary and the folder.
-
-    Raises:
-        HjCosimError: one sentence on what is wrong and what would be right.
-    """
-    planner = planner if planner is None or isinstance(planner, str) else given(PLANNER, planner)
-    filter = filter if filter is None or isinstance(filter, str) else given(FILTER, filter)
-    flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
-    config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
-    tell = progress if isinstance(progress, EpisodeProgress) else EpisodeProgress(progress)
-    folder = out(config) if callable(out) else None if out is None else Path(out)
-    if folder is not None:
-        require_free_folder(folder)
-    value_table = load_table(config.table, tell.solving, robot=config.robot, announce=tell.announce)
-    episode = run_in_sumo(config, value_table, tell.driving)
-    if folder is None:
-        return episode
-    write_episode(episode, folder)
-    if figures:
-        # Matplotlib costs more to import than an episode to drive: only who draws pays for it.
-        from hj_cosim.analysis.run_figures import draw_run
-
-        draw_run(folder, tell.drawing)
-    return replace(episode, folder=folder)

@@ -88,6 +88,7 @@ def _following(
     return leader_gap, drac
 
 
+# Ten parameters: plain arrays, which Numba keeps in registers, and of which nothing of shape (T, J) has to be made.
 @njit(cache=True)
 def _rss_violations(
     robot: np.ndarray,

@@ -74,6 +74,7 @@ def rectangle_distance(
     )
 
 
+# Ten parameters: plain numbers of one pair of bodies, which no call has to pack in the loop over pairs.
 @njit(cache=True)
 def time_to_overlap(
     dx: float,

@@ -81,7 +81,7 @@ def pair_threat(
 
 
 # The hot loops go sample by sample and car by car: most pairs are dismissed by one comparison, which no
-# array expression can do, and nothing of shape (T, J) is allocated.
+# array expression can do, and nothing of shape (T, J) is allocated. Eleven parameters: plain arrays, as they are.
 @njit(cache=True)
 def _worst_threats(
     robot: np.ndarray,
@@ -118,6 +118,7 @@ def _worst_threats(
     return worst
 
 
+# Nine parameters: the plain arrays of _worst_threats, so that a pass reads only those that it needs.
 @njit(cache=True)
 def _nearest_bodies(
     robot: np.ndarray,
@@ -152,6 +153,7 @@ def _nearest_bodies(
     return nearest, overlap
 
 
+# Ten parameters: the plain arrays of _worst_threats, so that a pass reads only those that it needs.
 @njit(cache=True)
 def _smallest_times_to_overlap(
     robot: np.ndarray,

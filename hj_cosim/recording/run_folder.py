@@ -4,10 +4,10 @@ A folder appears whole or not at all, and the same record gives the same bytes: 
 compression are fixed, and what depends on the time or the machine is in timing.json alone.
 """
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
+from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 
 from hj_cosim.errors import ConfigurationError, HjCosimError, RunFolderError
 from hj_cosim.files import naming_the_place, remove_abandoned, require_writable, temporary_folder
+from hj_cosim.locations import given_path
 from hj_cosim.recording.columns import name_column, numeric_column, text_column
 from hj_cosim.recording.record import DURATION, NO_VEHICLE, ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
 from hj_cosim.recording.run_bounds import (
@@ -28,6 +29,7 @@ from hj_cosim.recording.run_bounds import (
     require_room,
     require_times,
 )
+from hj_cosim.recording.summary_file import TIMING, read_summary, summary_text
 from hj_cosim.scene.road import StraightRoad, road_from_json, road_to_json
 from hj_cosim.settings import EpisodeConfig, read_toml, validate
 from hj_cosim.vehicles.idm import PARAMETER_NAMES
@@ -36,7 +38,6 @@ CONFIG = "config.toml"
 TRAJECTORIES = "trajectories.parquet"
 ROBOT = "robot.parquet"
 SUMMARY = "summary.json"
-TIMING = "timing.json"
 DRIVERS = "drivers.parquet"
 FIGURES = "figures"
 OWN_FILES = (CONFIG, TRAJECTORIES, ROBOT, SUMMARY, TIMING, DRIVERS, FIGURES)
@@ -46,9 +47,6 @@ Keep = Literal["all", "robot"]  # everything that a run folder holds, or all but
 ROWS_PER_GROUP = 1 << 17  # written and read at a time, so that a long drive of many cars needs little memory
 _TRAFFIC_FLOATS = ("x", "y", "heading", "speed", "acceleration")
 _ROAD_KEY = b"hj_cosim.road"
-LARGEST_SUMMARY = 1_000_000  # bytes
-# What the title of a report and of a figure needs.
-_SUMMARY_KEYS = {"scenario", "planner", "filter", "scheme", "seed"}
 _ROBOT_STATE = ("x", "y", "heading", "speed", "steering", "omega", "acceleration", "plan_speed", "plan_lane")
 
 
@@ -145,16 +143,6 @@ def write_run(
         (temporary / FIGURES).mkdir()
 
 
-def summary_text(summary: Mapping[str, Any]) -> str:
-    """Return a summary as strict JSON: what is not finite (no car was ever approached) becomes null."""
-    finite = {key: None if _is_not_finite(value) else value for key, value in summary.items()}
-    return json.dumps(finite, indent=2, allow_nan=False) + "\n"
-
-
-def _is_not_finite(value: Any) -> bool:
-    return isinstance(value, float) and not np.isfinite(value)
-
-
 def write_trajectories(path: Path, record: RunRecord) -> None:
     """Write trajectories.parquet: a row per sample and car that is present; at one time the robot comes first."""
     schema = _trajectory_table(record, 0, 0).schema
@@ -219,12 +207,14 @@ def _writing(schema: pa.Schema) -> dict[str, Any]:
     }
 
 
-def read_run(folder: Path) -> Run:
+def read_run(folder: PathLike[str] | str) -> Run:
     """Return the run in `folder`, which anybody may have made.
 
     Raises:
+        ConfigurationError: if `folder` is no path.
         RunFolderError: if the folder or one of its files is missing, broken, or larger than `run_bounds` allows.
     """
+    folder = given_path(folder, "the run's folder")
     config = read_config(folder)
     missing = [name for name in (TRAJECTORIES, ROBOT, SUMMARY) if not (folder / name).exists()]
     if missing:
@@ -253,44 +243,6 @@ def read_config(folder: Path) -> dict[str, Any]:
     except ConfigurationError as error:
         raise RunFolderError(f"{folder} holds no readable run: {error}") from error
     return config.model_dump(mode="json", exclude_none=True)
-
-
-def read_summary(path: Path) -> dict[str, Any]:
-    """Return the content of a run's summary.json.
-
-    Raises:
-        OSError: if it cannot be read.
-        ValueError: if it is larger than LARGEST_SUMMARY, no JSON, or no summary.
-    """
-    with path.open("rb") as file:
-        content = file.read(LARGEST_SUMMARY + 1)
-    if len(content) > LARGEST_SUMMARY:
-        raise ValueError(f"{path.name} is too large; {LARGEST_SUMMARY / 1e6:g} MB is the most")
-    try:
-        summary = json.loads(content)
-    except RecursionError as error:
-        raise ValueError(f"{path.name} is nested too deeply") from error
-    if not isinstance(summary, dict) or not summary.keys() >= _SUMMARY_KEYS:
-        raise ValueError(f"{path.name} is no summary: it must have {', '.join(sorted(_SUMMARY_KEYS))}")
-    if any(isinstance(value, list | dict) for value in summary.values()):
-        raise ValueError(f"{path.name} is no summary: it must have one number or text a key")
-    return summary
-
-
-def read_timing(folder: Path) -> dict[str, float]:
-    """Return the content of a run's timing.json; nothing where there is none.
-
-    Raises:
-        RunFolderError: if it is broken.
-    """
-    path = folder / TIMING
-    if not path.exists():
-        return {}
-    try:
-        with path.open("rb") as file:
-            return {name: float(value) for name, value in json.loads(file.read(LARGEST_SUMMARY)).items()}
-    except (OSError, ValueError, TypeError, AttributeError, RecursionError) as error:
-        raise RunFolderError(f"{path} is no timing of a run: {error}") from error
 
 
 def road_of(schema: pa.Schema) -> StraightRoad:

@@ -5,7 +5,7 @@ All models are frozen, refuse unknown keys and non-finite numbers, and are SI un
 
 from hj_cosim.settings.base import Settings, explanation, unit_of
 from hj_cosim.settings.catalogue import SettingEntry, list_settings
-from hj_cosim.settings.episode import MOST_RECORDED, PRESETS, EpisodeConfig, SimulationSettings
+from hj_cosim.settings.episode import MOST_RECORDED, PRESETS, EpisodeConfig, SimulationSettings, robot_and_filter
 from hj_cosim.settings.filter import Backend, FilterSettings, RssParameters
 from hj_cosim.settings.layers import (
     DEEPEST_TOML,
@@ -65,6 +65,7 @@ __all__ = [
     "parse_assignment",
     "parse_toml",
     "read_toml",
+    "robot_and_filter",
     "shown",
     "unit_of",
     "validate",

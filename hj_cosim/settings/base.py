@@ -28,6 +28,7 @@ Radians = Annotated[float, Unit("rad")]
 RadiansPerSecond = Annotated[float, Unit("rad/s")]
 MetresPerSecond = Annotated[float, Unit("m/s")]
 MetresPerSecondSquared = Annotated[float, Unit("m/s²")]
+MetresPerSecondCubed = Annotated[float, Unit("m/s³")]
 CarsPerKilometreAndLane = Annotated[float, Unit("cars/km/lane")]
 
 

@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
+from hj_cosim.errors import ConfigurationError
 from hj_cosim.settings.base import Seconds, Settings
 from hj_cosim.settings.filter import FilterSettings
 from hj_cosim.settings.planner import PlannerSettings
@@ -71,10 +72,27 @@ class EpisodeConfig(Settings):
 
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
-    "best": {"filter": {"keep_escape": True}},
+    "best": {
+        "robot": {"lateral_acceleration_max": 4.0},
+        "tracking": {"lateral_acceleration_max": 2.4, "jerk_max": 8.0, "heading_max": 0.25},
+        "filter": {"epsilon": 0.5, "approach": 4.0},
+    },
     "paper": {
         "table": "highway_paper",
         "planner": {"expansions": 40, "value_clip": 5.0, "speed_floor": 15.0},
         "scenario": {"drivers": {"desired_speed": {"mean": 23.0, "deviation": 1.5}}},
     },
 }
+
+
+def robot_and_filter(preset: str) -> tuple[RobotSettings, FilterSettings]:
+    """Return the robot and the filter of a preset, for who judges a filter without a drive.
+
+    Raises:
+        ConfigurationError: if there is no such preset.
+    """
+    if preset not in PRESETS:
+        raise ConfigurationError(f"no preset is called {preset!r}; choose one of {', '.join(PRESETS)}")
+    chosen = PRESETS[preset]
+    robot = RobotSettings.model_validate(chosen.get("robot", {}))
+    return robot, FilterSettings.model_validate(chosen.get("filter", {}))

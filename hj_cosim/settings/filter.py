@@ -40,6 +40,13 @@ class FilterSettings(Settings):
     recovery: PerSecond = Field(
         0.0, ge=0, le=50, description="κ: below ε V has to rise by κ (ε − V), κ ε at most; the paper has 0"
     )
+    approach: PerSecond = Field(
+        0.0,
+        ge=0,
+        le=50,
+        description="γ: above ε V may fall by γ (V − ε), so that a row begins before it binds; with 0, the paper's,"
+        " nothing is asked above ε",
+    )
     slack_weight: Number = Field(10.0, gt=0, description="λ_3; the paper has 1")
     keep_escape: bool = Field(
         False,

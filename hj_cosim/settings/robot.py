@@ -5,6 +5,7 @@ from pydantic import Field
 from hj_cosim.settings.base import (
     Metres,
     MetresPerSecond,
+    MetresPerSecondCubed,
     MetresPerSecondSquared,
     PerSecond,
     Radians,
@@ -22,6 +23,9 @@ class RobotSettings(Settings):
     omega_max: RadiansPerSecond = Field(0.3, ge=0.001, le=10, description="the fastest it turns, limit on |ω_r|")
     acceleration_min: MetresPerSecondSquared = Field(-6.0, ge=-100, le=-0.01, description="the hardest it brakes")
     acceleration_max: MetresPerSecondSquared = Field(4.0, ge=0.01, le=100, description="the hardest it accelerates")
+    lateral_acceleration_max: MetresPerSecondSquared = Field(
+        1000.0, ge=0.1, le=1000, description="what its tyres hold, limit on |v ω_r|; 1000, the paper's, is no limit"
+    )
     speed_max: MetresPerSecond = Field(40.0, ge=0.1, le=1000, description="the fastest it drives")
 
 
@@ -31,4 +35,10 @@ class TrackingSettings(Settings):
     k_theta: PerSecond = Field(5.0, gt=0, description="K_θ, of the heading's error")
     k_1: PerSecond = Field(2.0, gt=0, description="K_1, of the error across the road")
     k_2: PerSecond = Field(1.67, gt=0, description="K_2, of the speed's error")
+    lateral_acceleration_max: MetresPerSecondSquared = Field(
+        1000.0, ge=0.1, le=1000, description="how hard it turns, |v ω|, as far as the robot may; 1000 is no limit"
+    )
+    jerk_max: MetresPerSecondCubed = Field(
+        1e6, gt=0, le=1e6, description="how fast the desired acceleration changes; the paper's 1e6 is no limit"
+    )
     heading_max: Radians = Field(0.4, gt=0, lt=1.57, description="towards the lane; the value table reaches 0.4")

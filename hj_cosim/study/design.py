@@ -10,7 +10,7 @@ from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.files import file_name
 from hj_cosim.recording.study_files import StudyRequest, split_variation
-from hj_cosim.settings import EpisodeConfig, Scenario, overlay, parse_assignment
+from hj_cosim.settings import EpisodeConfig, Scenario, overlay, parse_assignment, shown
 from hj_cosim.study.stacks import PAPER_STACKS, Stack, parse_stack
 
 # What a row of the table says of itself; varying it would make the row say something else than what was driven.
@@ -33,12 +33,14 @@ def parse_variation(text: str) -> Variation:
     """
     key, values = split_variation(text)
     if not key or not all(values):
-        raise ConfigurationError(f"--vary {text}: write KEY=VALUE,VALUE, for example planner.gamma_r=0.8,0.9,1.0")
+        raise ConfigurationError(
+            f"--vary {shown(text)}: write KEY=VALUE,VALUE, for example planner.gamma_r=0.8,0.9,1.0"
+        )
     if len(set(values)) < len(values):
-        raise ConfigurationError(f"--vary {text}: a value is there twice; every value makes rows of its own")
+        raise ConfigurationError(f"--vary {shown(text)}: a value is there twice; every value makes rows of its own")
     if key in _KEYS_OF_A_ROW:
         raise ConfigurationError(
-            f"--vary {text}: a study sets {key} itself; choose stacks, scenarios and seeds instead"
+            f"--vary {shown(text)}: a study sets {key} itself; choose stacks, scenarios and seeds instead"
         )
     return Variation(key, values)
 

@@ -44,6 +44,7 @@ from hj_cosim.recording.study_files import (
     read_study_file,
     write_study_file,
 )
+from hj_cosim.settings import EpisodeConfig
 from hj_cosim.study.design import Cell, StudyDesign, design_of
 from hj_cosim.study.jobs import EpisodeJob, Outcome, table_key
 from hj_cosim.study.results import config_of, is_complete
@@ -128,6 +129,11 @@ class StudyFolder:
     def run_folder(self, cell: Cell, seed: int) -> Path:
         """Return the run folder of an episode."""
         return self.path / EPISODES / self.design.folder_name(cell) / str(seed)
+
+    @property
+    def tables(self) -> dict[str, EpisodeConfig]:
+        """A configuration for each value table that the study's episodes need, by its `table_key`."""
+        return {table_key(cell.config): cell.config for cell in self.design.cells}
 
     def remaining_jobs(self, table_files: Mapping[str, Path]) -> list[EpisodeJob]:
         """Return the episodes that are not there yet.

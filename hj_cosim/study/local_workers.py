@@ -49,8 +49,8 @@ class LocalWorkers:
         done: Queue[Outcome | WorkerError] = Queue()
         setup = pickle.dumps(function)
         with temporary_folder() as logs:
-            seats = [_Seat(logs / f"{number}.log", setup) for number in range(min(self.count, len(jobs)))]
-            threads = [threading.Thread(target=seat.serve, args=(waiting, done)) for seat in seats]
+            keepers = [_WorkerKeeper(logs / f"{number}.log", setup) for number in range(min(self.count, len(jobs)))]
+            threads = [threading.Thread(target=keeper.serve, args=(waiting, done)) for keeper in keepers]
             try:
                 for thread in threads:
                     thread.start()
@@ -60,14 +60,14 @@ class LocalWorkers:
                         raise result
                     yield result
             finally:
-                for seat in seats:
-                    seat.leave()
+                for keeper in keepers:
+                    keeper.leave()
                 for thread in threads:
                     thread.join()
 
 
-class _Seat:
-    """A place for one worker process at a time, with the thread that looks after it."""
+class _WorkerKeeper:
+    """Keeps a worker process at work: hands it one job after another, from a thread, and replaces it if it dies."""
 
     def __init__(self, log: Path, setup: bytes) -> None:
         self._log = log

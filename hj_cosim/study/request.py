@@ -102,19 +102,6 @@ def _stack(value: Any) -> str | None:
     return value.text if isinstance(value, Stack) else None
 
 
-def given_path(out: Any) -> Path | None:
-    """Return the study's folder, if one was given.
-
-    Raises:
-        ConfigurationError: if it is no path.
-    """
-    if out is None:
-        return None
-    if isinstance(out, str | PathLike):
-        return Path(out)
-    raise ConfigurationError(f"out = {_described(out)} is no path; give the study's folder as a text or a path")
-
-
 def _described(value: Any) -> str:
     """Return a wrong value for a sentence: itself if it is a plain one, and else what it is."""
     return repr(value) if isinstance(value, int | float) else f"a {type(value).__name__}"

@@ -11,7 +11,8 @@ import pyarrow.parquet as pq
 
 from hj_cosim.errors import RunFolderError
 from hj_cosim.metrics.catalogue import SAMPLE_COLUMNS
-from hj_cosim.recording.run_folder import CONFIG, ROBOT, SUMMARY, read_timing
+from hj_cosim.recording.run_folder import CONFIG, ROBOT, SUMMARY
+from hj_cosim.recording.summary_file import read_timing
 from hj_cosim.study.statistics import EpisodeResult
 
 WINDOW = 10.0  # s, over which the paper's trade-off figure takes its points

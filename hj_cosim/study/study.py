@@ -13,7 +13,7 @@ import pandas as pd
 
 from hj_cosim import __version__
 from hj_cosim.errors import ConfigurationError, RunFolderError
-from hj_cosim.locations import runs_folder
+from hj_cosim.locations import given_path, runs_folder
 from hj_cosim.reachability.table.store import KeptTable, kept_table, load_table
 from hj_cosim.recording.study_files import (
     CLAIMS_TABLE,
@@ -33,9 +33,9 @@ from hj_cosim.study.design import StudyDesign
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.figures import draw_figures
 from hj_cosim.study.folder import Failure, StudyFolder
-from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob, table_key
+from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob
 from hj_cosim.study.local_workers import LocalWorkers
-from hj_cosim.study.request import Texts, given_fields, given_path, new_study, resumed_study
+from hj_cosim.study.request import Texts, given_fields, new_study, resumed_study
 from hj_cosim.study.results import is_complete, read_result
 from hj_cosim.study.stacks import Stack
 from hj_cosim.study.statistics import RowStatistics
@@ -72,6 +72,7 @@ class Study:
         return int(self.table["missing"].sum())
 
 
+# Fourteen parameters: each is a keyword of the library's face, and all but the first have to be named.
 def run_study(
     scenarios: Texts | None = None,
     *,
@@ -139,8 +140,8 @@ def run_study(
         keep=keep,
     )
     engine = _engine(workers, scheduler)
-    folder = _study_folder(given_path(out), given, resume=resume)
-    driven = {table_key(cell.config): cell.config for cell in folder.design.cells}
+    folder = _study_folder(None if out is None else given_path(out, "out"), given, resume=resume)
+    driven = folder.tables
     kept = {key: kept_table(config.table, config.robot) for key, config in sorted(driven.items())}
     folder.begin(_program(kept), resume=resume)
     if folder.is_finished():
@@ -282,9 +283,10 @@ def read_study(folder: PathLike[str] | str) -> Study:
         folder: what `run_study` or `hj-cosim study` wrote.
 
     Raises:
+        ConfigurationError: if `folder` is no path.
         RunFolderError: if it holds no study, or one that is not finished.
     """
-    path = Path(folder)
+    path = given_path(folder, "the study's folder")
     names = (TABLE, DIFFERENCES, COMPARISON, CLAIMS_TABLE)
     for name in names:
         if not (path / name).is_file():

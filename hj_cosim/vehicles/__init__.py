@@ -1,1 +1,1 @@
-"""Pure models: the bicycle, IDM, MOBIL, RSS distances, the road frame."""
+"""Pure models: the bicycle, IDM, MOBIL, RSS distances."""

@@ -55,6 +55,7 @@ def following_acceleration(
     return idm_acceleration(speed[car], gap, speed[leader], drivers[car])
 
 
+# Nine parameters: traffic and planner keep these arrays differently, and both hand them over without a copy.
 @njit(cache=True)
 def lane_change_incentive(
     car: int,
@@ -116,6 +117,7 @@ def lane_change_incentive(
     return incentive
 
 
+# Nine parameters: the arrays of lane_change_incentive.
 @njit(cache=True)
 def lane_decisions(
     deciding: np.ndarray,

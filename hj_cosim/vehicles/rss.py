@@ -37,6 +37,12 @@ def longitudinal_distance(
 
 
 @njit(cache=True)
+def stopping_distance(speed: float, brake: float) -> float:
+    """Return v² / (2 b), m; 0 for a car that stands or rolls back."""
+    return max(speed, 0.0) ** 2 / (2.0 * brake)
+
+
+@njit(cache=True)
 def lateral_travel(speed_towards: float, response_time: float, acceleration: float, brake: float) -> float:
     """Return how far a car gets towards the other until it has no speed towards it, m (signed).
 
@@ -50,10 +56,10 @@ def lateral_travel(speed_towards: float, response_time: float, acceleration: flo
         brake: lateral braking after it, m/s².
     """
     after_response = speed_towards + response_time * acceleration
-    stopping = max(after_response, 0.0) ** 2 / (2.0 * brake)
-    return 0.5 * (speed_towards + after_response) * response_time + stopping
+    return 0.5 * (speed_towards + after_response) * response_time + stopping_distance(after_response, brake)
 
 
+# Nine parameters: the definition's own, three for each of two cars.
 @njit(cache=True)
 def lateral_distance(
     left_speed_rightwards: float,
@@ -81,9 +87,3 @@ def lateral_distance(
         + margin
     )
     return max(distance, 0.0)
-
-
-@njit(cache=True)
-def stopping_distance(speed: float, brake: float) -> float:
-    """Return v² / (2 b), m; 0 for a car that stands or rolls back."""
-    return max(speed, 0.0) ** 2 / (2.0 * brake)

@@ -13,14 +13,14 @@ from numba import njit
 
 from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.control.problem.safety_problem import available_controls
+from hj_cosim.control.spc.approach import asked_rise
 from hj_cosim.control.spc.escape import NO_ESCAPE, NO_MANOEUVRE, is_to_be_looked_at, keep_escape
-from hj_cosim.control.spc.recovery import recovery_rate
 from hj_cosim.reachability.games.highway.other_car import allowed
 from hj_cosim.reachability.games.highway.rows import worst_drift
 from hj_cosim.reachability.games.highway.target import target_at
 from hj_cosim.reachability.table.lookup import value_and_gradient_at
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
-from hj_cosim.verification.filter_games import Game, bodies_overlap, game_step
+from hj_cosim.verification.filter_games import Game, bodies_overlap, game_step, gripped
 
 CRUISE, FULL_THROTTLE, STEERING_AT_THE_CAR, WITHIN_TRACKING, CHOSEN = 0, 1, 2, 3, 4  # desired controls
 INPUTS = 4  # θ_o, a_o, and of the desired control what turns and what accelerates
@@ -94,13 +94,14 @@ def _filtered(
     """Return what SPC makes of the control asked for, ω and a; V; the manoeuvre driven; whether none escapes."""
     p_x, p_y = robot[0] - car[0], robot[1] - car[1]
     value = value_and_gradient_at(game.table, p_x, p_y, robot[2], robot[3], car[2], gradient)
-    box = available_controls(game.limits, robot[2], robot[3], game.bounds, game.step)
+    limits = gripped(game.limits, robot[3], game.sideways)
+    box = available_controls(limits, robot[2], robot[3], game.bounds, game.step)
     omega, acceleration = min(max(asked[0], box[0]), box[1]), min(max(asked[1], box[2]), box[3])
     in_k = value <= game.epsilon
-    if in_k:
+    if in_k or (game.approach > 0.0 and value < math.inf):
         state = np.array([p_x, p_y, robot[2], robot[3], car[2]])
         drift = worst_drift(gradient, state, game.other)
-        drift -= recovery_rate(value, game.epsilon, game.recovery)
+        drift -= asked_rise(value, game.epsilon, game.recovery, game.approach)
         p, q, c = gradient[2:3].copy(), gradient[3:4].copy(), np.array([drift])
         wanted = previous_omega if game.slack_is_free else omega
         omega, acceleration, _ = least_cost_control(
@@ -147,8 +148,8 @@ def roll_out_choices(game: Game, search: Search, start: np.ndarray, choices: np.
         if sample == search.samples or collided:
             break
         previous_omega = omega
-        limits = allowed(game.other, p_x, p_y, robot[3], car[2])
-        heading, gain = _between(choice[0], limits[0], limits[1]), _between(choice[1], limits[2], limits[3])
+        may = allowed(game.other, p_x, p_y, robot[3] * math.sin(robot[2]), robot[3], car[2])
+        heading, gain = math.asin(_between(choice[0], may.right, may.left)), _between(choice[1], may.least, may.most)
         end = min(max(car[2] + gain * game.step, 0.0), game.other_speed_max)
         driven_way = 0.5 * (car[2] + end) * game.step
         car[0] += driven_way * math.cos(heading)

@@ -12,10 +12,10 @@ from numba import njit
 
 from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.control.problem.safety_problem import available_controls
+from hj_cosim.control.spc.approach import asked_rise, can_bind
 from hj_cosim.control.spc.escape import NO_MANOEUVRE, Extent, is_to_be_looked_at, keep_escape
-from hj_cosim.control.spc.recovery import recovery_rate
 from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres
-from hj_cosim.reachability.games.highway.other_car import Disturbance
+from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed, worst_heading_sine
 from hj_cosim.reachability.games.highway.rows import worst_drift
 from hj_cosim.reachability.table.lookup import TableArrays, shift_of_grid, value_and_gradient_at
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
@@ -36,6 +36,8 @@ class Game(NamedTuple):
     slack_is_free: bool
     epsilon: float
     recovery: float
+    approach: float
+    sideways: float  # m/s², the most |v ω| of the robot's tyres
     step: float
     other: Disturbance
     extent: Extent
@@ -48,11 +50,11 @@ class Game(NamedTuple):
 
 
 @njit(cache=True)
-def _worst_inputs(gradient: np.ndarray, speed: float, other: Disturbance) -> tuple[float, float]:
+def _worst_inputs(gradient: np.ndarray, state: np.ndarray, other: Disturbance) -> tuple[float, float]:
     """Return (θ_o, a_o) that lower V most."""
-    heading = math.atan2(gradient[1], gradient[0])
-    acceleration = other.acceleration_min if gradient[4] > 0.0 else other.acceleration_max
-    return min(max(heading, -other.heading_max), other.heading_max), acceleration
+    may = allowed(other, state[0], state[1], state[3] * math.sin(state[2]), state[3], state[4])
+    heading = math.asin(worst_heading_sine(may, gradient[0], gradient[1]))
+    return heading, may.least if gradient[4] > 0.0 else may.most
 
 
 @njit(cache=True)
@@ -65,6 +67,15 @@ def _gradient_within(game: Game, state: np.ndarray, gradient: np.ndarray) -> flo
     y = min(max(state[1], low[1]), low[1] + (cells[1] - 1) / table.inverse_spacing[1])
     value = value_and_gradient_at(table, x, y, state[2], state[3], state[4], gradient)
     return value if x == state[0] and y == state[1] else math.inf
+
+
+@njit(cache=True)
+def gripped(limits: np.ndarray, speed: float, sideways: float) -> np.ndarray:
+    """Return the robot's limits (4,) with ω no larger than its tyres hold at a speed."""
+    held = limits.copy()
+    held[1] = min(held[1], sideways / max(speed, 1e-3))
+    held[0] = -held[1]
+    return held
 
 
 @njit(cache=True)
@@ -126,6 +137,7 @@ def _desired_control(
     return (limits[0] if slope[0] > 0.0 else limits[1]), (limits[2] if slope[1] > 0.0 else limits[3])
 
 
+# Ten parameters: the last three are arrays to write into, so that a chunk of games allocates nothing.
 @njit(cache=True, nogil=True)
 def _roll_out(
     game: Game,
@@ -160,6 +172,7 @@ def _roll_out(
     previous_omega, driven = 0.0, NO_MANOEUVRE
     for sample in range(samples + 1):
         count, near, least = 0, 0, math.inf
+        limits = gripped(game.limits, robot[3], game.sideways)
         for j in range(cars):
             relative[0], relative[1] = robot[0] - others[j, 0], robot[1] - others[j, 1]
             relative[2], relative[3], relative[4] = robot[2], robot[3], others[j, 2]
@@ -173,15 +186,16 @@ def _roll_out(
             if is_to_be_looked_at(game.extent, value, relative[0], relative[1], relative[3], relative[4]):
                 looked_at[near] = j
                 near += 1
-            if in_k[j]:
+            if in_k[j] or (game.approach > 0.0 and value < math.inf):
                 p[count], q[count] = gradients[j, 2], gradients[j, 3]
                 c[count] = worst_drift(gradients[j], relative, game.other)
-                c[count] -= recovery_rate(value, game.epsilon, game.recovery)
-                count += 1
+                c[count] -= asked_rise(value, game.epsilon, game.recovery, game.approach)
+                if in_k[j] or can_bind(p[count], q[count], c[count], limits):
+                    count += 1
         if sample == samples:
             break
         omega, acceleration = _desired_control(game, desire, sample, robot[2], steepest, random)
-        box = available_controls(game.limits, robot[2], robot[3], game.bounds, game.step)
+        box = available_controls(limits, robot[2], robot[3], game.bounds, game.step)
         omega = min(max(omega, box[0]), box[1])
         acceleration = min(max(acceleration, box[2]), box[3])
         slack[sample] = np.nan
@@ -200,7 +214,9 @@ def _roll_out(
         previous_omega = omega
         for j in range(cars):
             if adversarial:
-                heading, other_acceleration = _worst_inputs(gradients[j], others[j, 2], game.other)
+                relative[0], relative[1] = robot[0] - others[j, 0], robot[1] - others[j, 1]
+                relative[2], relative[3], relative[4] = robot[2], robot[3], others[j, 2]
+                heading, other_acceleration = _worst_inputs(gradients[j], relative, game.other)
             else:
                 ahead = robot[0] - others[j, 0]
                 in_lane = ahead > 0.0 and abs(robot[1] - others[j, 1]) < game.width
@@ -222,6 +238,7 @@ def _roll_out(
             game_step(robot, omega, acceleration, game.bounds[3], game.step)
 
 
+# Ten parameters: those of _roll_out.
 @njit(cache=True, nogil=True)
 def roll_out_all(
     game: Game,

@@ -161,11 +161,13 @@ def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, r
         slack_is_free=weights.slack_is_free,
         epsilon=spc.epsilon,
         recovery=spc.recovery,
+        approach=spc.approach,
+        sideways=robot.lateral_acceleration_max,
         step=settings.step,
         other=Disturbance.of_game(table.parameters),
         extent=Extent.of(table),
         manoeuvres=manoeuvres_for(table, robot) if spc.keep_escape else NO_MANOEUVRES,
-        driver=np.array([0.0, 3.0, 5.0, 1.5, 5.0, 4.0]),  # SPEC section 4's means; the desired speed is each car's own
+        driver=np.array([0.0, 3.0, 5.0, 1.5, 5.0, 4.0]),  # IDM's means; the desired speed is each car's own
         k_theta=TrackingSettings().k_theta,
         wheelbase=robot.wheelbase,
         length=robot.length,

@@ -1,6 +1,6 @@
 """What a filter step costs with 100 cars, look-ups and problem included, beside its floor: qpsolvers and daqp alone.
 
-SPEC section 5 asks for a median of 60 µs and a 99th percentile of 200 µs on a machine where qpsolvers with daqp takes
+Wanted are a median of 60 µs and a 99th percentile of 200 µs on a machine where qpsolvers with daqp takes
 14 µs; the table gives the floor in the same run, so that another machine can be judged by it.
 """
 

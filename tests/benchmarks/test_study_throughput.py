@@ -16,7 +16,7 @@ from hj_cosim.cosim.episode import Episode, drive, run_in_sumo, write_episode
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.metrics.summary import summarize, timing
 from hj_cosim.planning.catalogue import make_planner
-from hj_cosim.reachability.table.store import find_specification, load_table, table_path
+from hj_cosim.reachability.table.store import kept_table, load_table
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.folder import StudyFolder
 from hj_cosim.study.local_workers import LocalWorkers
@@ -30,9 +30,11 @@ TABLE_OF_THE_PAPER = 200  # episodes
 @pytest.mark.parametrize("workers", [1, 2])
 def test_episodes_a_minute(benchmark, workers, tmp_path):
     """The ten stacks of `best`; the first episode of each worker, which compiles or loads kernels, counts."""
-    load_table("highway")
     request = new_study({"episodes": EPISODES_A_STACK})
-    table = {"highway": table_path(find_specification("highway"))}
+    table = {}
+    for key, config in StudyFolder.of(tmp_path / "table", request).tables.items():
+        load_table(config.table, robot=config.robot)
+        table[key] = kept_table(config.table, config.robot).path
     rounds = iter(range(100))
 
     def drive_them() -> None:

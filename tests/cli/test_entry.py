@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from hj_cosim.cli.entry import MESSAGE
+from hj_cosim.cli.interruption import MESSAGE
 
 # `-X importtime` has Python say each module that it has imported: what to wait for.
 COMMAND = [sys.executable, "-X", "importtime", "-m", "hj_cosim"]

@@ -34,6 +34,17 @@ def test_a_promise_is_kept_when_no_v_in_k_falls_and_broken_when_one_does(linear_
     assert promise_kept(linear_table.arrays, result, before, broken, tolerance=0.1) is False
 
 
+def test_a_promise_is_broken_by_one_car_however_well_the_other_does(linear_table, observe):
+    car = [47.0, 4.0, 0.0, 24.0]
+    before = observe([0.0, 4.0, 0.0, 25.0], [car, car], 1.00)
+    result = FilterInLoop(FilterSettings(), linear_table).filter(before, Control(0.0, 1.0))
+    assert len(result.rows) == 2
+    after = observe([0.5, 4.0, 0.0, 25.0], [[49.0, 4.0, 0.0, 24.0], [47.0, 4.0, 0.0, 23.0]], 1.02)
+    rates = realised_value_rates(linear_table.arrays, before, after, np.array([0, 1]))
+    assert rates.min() < -0.1 < rates.max()
+    assert promise_kept(linear_table.arrays, result, before, after, tolerance=0.1) is False
+
+
 def test_nothing_is_promised_where_k_is_empty_or_the_rows_cannot_be_met(linear_table, observe):
     spc = FilterInLoop(FilterSettings(), linear_table)
     far = observe([0.0, 4.0, 0.0, 25.0], [[90.0, 4.0, 0.0, 24.0]], 1.0)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hj_cosim.control.tracking import tracking_control
-from hj_cosim.scene.observation import Target
+from hj_cosim.control.tracking import eased, tracking_control
+from hj_cosim.scene.observation import Control, Target
 from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import RobotSettings, TrackingSettings
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
@@ -67,3 +67,19 @@ def test_a_lane_change_ends_in_the_lane_without_leaving_the_value_table_s_headin
 def test_what_is_not_finite_stays_so_for_the_filter_to_count(bad):
     assert not math.isfinite(control([0.0, 4.0, 0.0, 24.0], speed=bad).acceleration)
     assert not math.isfinite(control([0.0, 4.0, bad, 24.0]).omega)
+
+
+def test_an_eased_acceleration_changes_no_faster_than_the_jerk_allows():
+    before = Control(0.1, 1.0)
+    assert eased(Control(0.2, 4.0), before, 8.0, 0.02) == Control(0.2, pytest.approx(1.16))
+    assert eased(Control(0.2, -6.0), before, 8.0, 0.02) == Control(0.2, pytest.approx(0.84))
+    assert eased(Control(0.2, 1.1), before, 8.0, 0.02) == Control(0.2, 1.1)
+
+
+def test_it_turns_no_harder_than_asked_or_than_tyres_hold():
+    for settings, robot, most in (
+        (TrackingSettings(lateral_acceleration_max=2.0), RobotSettings(), 2.0),
+        (TrackingSettings(), RobotSettings(lateral_acceleration_max=3.0), 3.0),
+    ):
+        control = tracking_control(np.array([0.0, 4.0, 0.0, 30.0]), Target(3, 30.0), ROAD, settings, robot)
+        assert abs(control.omega) * 30.0 == pytest.approx(most)

@@ -6,7 +6,7 @@ import pytest
 
 from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.reachability.table.store import find_specification, read_specification
+from hj_cosim.reachability.table.store import find_specification, for_pair, read_specification
 from hj_cosim.settings import Scenario
 from hj_cosim.traffic.sources.scenarios import load_scenario
 
@@ -18,11 +18,14 @@ def scenario_with_fast_drivers(tmp_path):
     return str(path)
 
 
-def test_best_keeps_an_escape_on_a_capped_table_and_paper_does_neither_of_it():
-    for preset, both in (("best", True), ("paper", False)):
+def test_best_assumes_others_answer_for_their_duties_and_paper_assumes_the_worst():
+    for preset, gentle in (("best", True), ("paper", False)):
         config = resolve_config("paper", preset=preset)
-        assert config.filter.keep_escape is both
-        assert read_specification(find_specification(config.table)).capped_by_manoeuvres is both
+        specification = read_specification(find_specification(config.table))
+        assert (specification.parameters.get("responsible", 0.0) == 1.0) is gentle
+        assert (config.filter.approach > 0.0) is gentle
+        assert (config.robot.lateral_acceleration_max < 10.0) is gentle
+        assert for_pair(specification, config.robot) == specification  # the table that is kept under its name
 
 
 def test_preset_lies_over_the_defaults_and_under_the_scenario(scenario_with_fast_drivers):

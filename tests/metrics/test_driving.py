@@ -58,6 +58,14 @@ def test_hard_brakes_count_once_each_and_only_behind_the_robot():
     assert driving_metrics(record, FILTER)["hard_brakes_imposed"] == 0
 
 
+@pytest.mark.parametrize(("is_there", "imposed"), [(True, 0), (False, 1)])
+def test_only_a_car_that_is_there_comes_between_the_robot_and_who_brakes_behind_it(is_there, imposed):
+    record = steady_run([(-40.0, 0.0, 20.0), (-15.0, 0.0, 20.0)])
+    record.traffic.present[:, 1] = is_there
+    record.traffic.acceleration[5:10, 0] = -5.0
+    assert driving_metrics(record, FILTER)["hard_brakes_imposed"] == imposed
+
+
 def test_the_time_with_a_negative_value_is_in_seconds():
     record = steady_run([(60.0, 0.0, 20.0)])
     record.robot.value[10:25] = -1.0

@@ -6,7 +6,7 @@ import pytest
 
 from hj_cosim.errors import MetricError
 from hj_cosim.metrics.summary import count_lane_changes, count_onsets, summarize, timing
-from hj_cosim.recording.run_folder import summary_text
+from hj_cosim.recording.summary_file import summary_text
 from hj_cosim.scene.road import StraightRoad
 
 KEYS = [

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hj_cosim.planning.catalogue import make_planner
-from hj_cosim.planning.optimistic.prediction import approach, instants_within
+from hj_cosim.planning.optimistic.crash import instants_within
+from hj_cosim.planning.optimistic.prediction import approach
 from hj_cosim.scene.observation import Target
 from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings

@@ -6,12 +6,8 @@ from numba.core.runtime import _nrt_python, rtsys
 
 from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.contract import FASTER, IDLE, LEFT, RIGHT, SLOWER
-from hj_cosim.planning.optimistic.tree_search import (
-    NODE,
-    empty_tree,
-    pop_leaf,
-    push_leaf,
-)
+from hj_cosim.planning.optimistic.frontier import pop_leaf, push_leaf
+from hj_cosim.planning.optimistic.tree_search import NODE, empty_tree
 from hj_cosim.scene.observation import Target
 from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings

@@ -8,6 +8,17 @@ from hj_cosim.reachability.solver.solver import state_limits
 from hj_cosim.settings import TableSpecification
 
 
+def hamiltonian_values(
+    game: Game, states: np.ndarray, gradients: np.ndarray, parameters: np.ndarray, limits: np.ndarray
+) -> np.ndarray:
+    """Return a game's H, (n,), at any states (n, dimension) with gradients (n, dimension), each a slab of its own."""
+    out = np.empty(len(states), np.float32)
+    for row, (state, gradient) in enumerate(zip(states, gradients, strict=True)):
+        x, p = state.astype(np.float32)[:, None], gradient.astype(np.float32)[:, None]
+        game.hamiltonian(x, p, parameters, limits, out[row : row + 1])
+    return out
+
+
 def pad(values: np.ndarray, axis: int, width: int, boundary: str) -> np.ndarray:
     """Return `values` with `width` ghost nodes at either end of `axis`."""
     moved = np.moveaxis(values, axis, 0)
@@ -49,7 +60,7 @@ def solve_first_order(specification: TableSpecification, dynamics: Game) -> np.n
         sides = [one_sided(values, axis, grid.spacing[axis], grid.boundary[axis]) for axis in range(grid.dimension)]
         left = np.stack([side[0] for side in sides], -1).reshape(-1, grid.dimension)
         right = np.stack([side[1] for side in sides], -1).reshape(-1, grid.dimension)
-        game = dynamics.hamiltonian_values(rows, 0.5 * (left + right), parameters, limits)
+        game = hamiltonian_values(dynamics, rows, 0.5 * (left + right), parameters, limits)
         rate = game + 0.5 * (bounds * (right - left)).sum(axis=1)
         values = np.maximum(values + step * np.minimum(rate, 0.0).reshape(grid.shape), floor)
         time += step

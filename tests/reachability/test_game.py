@@ -12,8 +12,6 @@ from hj_cosim.control.catalogue import make_filter
 from hj_cosim.errors import ConfigurationError, TableError
 from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.reachability.games.catalogue import find_game, registered_games
-from hj_cosim.reachability.games.highway.other_car import Disturbance
-from hj_cosim.reachability.games.highway.rows import worst_drift
 from hj_cosim.reachability.table.cars import car_values, rows_of_cars
 from hj_cosim.reachability.table.lookup import values_and_gradients
 from hj_cosim.reachability.table.store import load_table
@@ -114,17 +112,6 @@ def test_the_highways_closed_rows_are_those_that_its_flow_gives(sheared_table: V
     assert 20 < len(cars) < 300
     assert cars.tolist() == others.tolist() == np.flatnonzero(values.value <= 5.0).tolist()
     assert closed == pytest.approx(rows, rel=1e-3, abs=1e-2)
-
-
-@pytest.mark.parametrize("bounds", [(-0.1, 0.1), (-0.02, 0.3), (0.05, 0.2), (-0.4, -0.1)])
-def test_the_worst_heading_is_right_between_any_bounds(monkeypatch, bounds: tuple[float, float]) -> None:
-    monkeypatch.setattr("hj_cosim.reachability.games.highway.rows.allowed", lambda *_: (*bounds, -6.0, 4.0))
-    headings = np.linspace(*bounds, 2001)
-    for gradient in np.random.default_rng(5).normal(size=(200, 5)):
-        tried = gradient[0] * np.cos(headings) + gradient[1] * np.sin(headings)
-        expected = 20.0 * gradient[0] - 15.0 * tried.max() + min(-6.0 * gradient[4], 4.0 * gradient[4])
-        state = np.array([10.0, 2.0, 0.0, 20.0, 15.0])
-        assert worst_drift.py_func(gradient, state, Disturbance(0.1, -6.0, 4.0)) == pytest.approx(expected, abs=1e-5)
 
 
 def test_rows_of_a_game_of_ones_own_are_the_least_rise_of_v_that_trying_finds(windy: ValueTable) -> None:

@@ -60,6 +60,12 @@ def test_a_heading_of_pi_is_a_heading(highway: ValueTable) -> None:
         assert np.isfinite(highway.value(np.array([0.0, 3.0, heading, 20.0, 20.0]))).all()
 
 
+@pytest.mark.parametrize("heading", [3.15, -3.15, 6.0])
+def test_a_heading_beyond_pi_is_none(highway: ValueTable, heading: float) -> None:
+    with pytest.raises(StateError, match=f"theta = {heading:g} in state 0"):
+        highway.value(np.array([0.0, 3.0, heading, 20.0, 20.0]))
+
+
 def test_one_state_alone_may_be_flat(highway: ValueTable) -> None:
     state = np.array([5.0, 2.0, 0.1, 20.0, 15.0])
     assert highway.value(state) == highway.value(state[None, :])

@@ -8,20 +8,18 @@ import numpy as np
 import pytest
 
 from hj_cosim.errors import ConfigurationError, TableError
+from hj_cosim.reachability.table.size_classes import CAR, SIZE_CLASSES, size_class
 from hj_cosim.reachability.table.store import (
-    CAR,
-    SIZE_CLASSES,
     for_pair,
     kept_table,
     load_table,
     read_specification,
     require_robot,
     save_table,
-    size_class,
     solve_table,
 )
 from hj_cosim.reachability.table.table import ValueTable
-from hj_cosim.settings import RobotSettings, TableSpecification
+from hj_cosim.settings import RobotSettings, TableSpecification, robot_and_filter
 
 HERE = Path(__file__).resolve().parent
 VAN, LONG_TRUCK = SIZE_CLASSES[1:]
@@ -45,9 +43,11 @@ def tiny(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", ["highway", "highway_paper"])
-def test_the_default_robot_among_cars_has_the_table_that_comes_with_the_package(name: str) -> None:
-    assert kept_table(name, RobotSettings(), CAR) == kept_table(name)
+@pytest.mark.parametrize(
+    ("name", "preset"), [("highway", "best"), ("highway_paper", "paper"), ("highway_worst", "paper")]
+)
+def test_a_presets_robot_among_cars_has_the_table_that_comes_with_the_package(name: str, preset: str) -> None:
+    assert kept_table(name, robot_and_filter(preset)[0], CAR) == kept_table(name)
     assert kept_table(name).path.name == f"{name}.npz"
 
 

@@ -12,7 +12,8 @@ from hj_cosim.study.results import is_complete
 
 @pytest.fixture
 def jobs(study_folder, tmp_path):
-    return study_folder("study").remaining_jobs({"highway": tmp_path / "table.npz"})
+    folder = study_folder("study")
+    return folder.remaining_jobs(dict.fromkeys(folder.tables, tmp_path / "table.npz"))
 
 
 def test_every_job_is_done_once(jobs, synthetic):

@@ -196,7 +196,7 @@ def test_a_sweep_is_resumed_by_its_folder_alone(conduct_synthetic, reproducible_
 def test_a_finished_study_that_is_resumed_stays_as_it_is(study_folder, tmp_path, asked, monkeypatch, synthetic):
     study_module = importlib.import_module("hj_cosim.study.study")
     monkeypatch.setattr(study_module, "drive_episode", synthetic.drive)
-    monkeypatch.setattr(study_module, "load_table", lambda name, progress: None)
+    monkeypatch.setattr(study_module, "load_table", lambda name, progress, *, robot: None)
     options = {"stacks": ["hjop-spc-mi", "op-none"], "episodes": 4, "workers": 1, "out": str(tmp_path / "study")}
     study = run_study(**options)
     before = {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in study.folder.rglob("*") if path.is_file()}
@@ -247,7 +247,7 @@ def test_how_far_a_study_is(study_folder, conduct_synthetic, synthetic):
     folder = study_folder("study", **A_SWEEP)
     folder.begin({"hj-cosim": "1.0"}, resume=False)
     assert study_progress(folder.path).text == "0 of 8 episodes"
-    for job in folder.remaining_jobs({"highway": folder.path})[:3]:
+    for job in folder.remaining_jobs(dict.fromkeys(folder.tables, folder.path))[:3]:
         synthetic.drive(job)
     unfinished = folder.path / "episodes" / "light" / f".0{UNFINISHED}x"
     unfinished.mkdir()
@@ -272,7 +272,7 @@ def test_how_far_a_study_is(study_folder, conduct_synthetic, synthetic):
         ({"seed": -1}, "seed = -1"),
         ({"keep": "some"}, "keep = 'some': input should be 'all' or 'robot'"),
         ({"preset": "bst"}, "no preset is called 'bst'"),
-        ({"out": 3}, "out = 3 is no path"),
+        ({"out": 3}, "out: 3 is no path"),
         ({"workers": "two"}, "workers = 'two' is no whole number"),
         ({"scheduler": 8786}, "scheduler = 8786 is no text"),
     ],

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hj_cosim.reachability.table.store import table_path
+from hj_cosim.reachability.table.store import kept_table, load_table
 from hj_cosim.study import study as study_module
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.folder import StudyFolder
@@ -93,7 +93,10 @@ def conduct_in_sumo(few_cars, small_specification, tmp_path):
     def conduct_it(function, resume=False):
         folder = StudyFolder.of(place, resumed_study(place, {}) if resume else new_study(given))
         folder.begin({"hj-cosim": "1.0"}, resume=resume)
-        tables = {str(small_specification): table_path(small_specification)}
+        tables = {}
+        for key, config in folder.tables.items():
+            load_table(config.table, robot=config.robot)
+            tables[key] = kept_table(config.table, config.robot).path
         return conduct(folder, LocalWorkers(1), function=function, table_files=tables)
 
     return conduct_it

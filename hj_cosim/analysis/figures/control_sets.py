@@ -65,7 +65,10 @@ def _filtered(run: Run, table: ValueTable, sample: int, robot: RobotSettings, ki
     settings = FilterSettings.model_validate({**run.config["filter"], "kind": kind, "scheme": scheme, "options": {}})
     safety_filter = make_filter(settings, robot, record.road, table, step)
     guarded = GuardedFilter(safety_filter, robot)
-    for seen in range(max(sample - round(MEMORY / step), 0), sample + 1):
+    first = max(sample - round(MEMORY / step), 0)
+    start = record.observation(first)
+    guarded.prepare(start, car_values(table, start))
+    for seen in range(first, sample + 1):
         desired = Control(float(record.robot.omega_desired[seen]), float(record.robot.acceleration_desired[seen]))
         observation = record.observation(seen)
         decision = guarded.filter(observation, car_values(table, observation), desired)

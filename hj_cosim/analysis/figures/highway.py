@@ -5,7 +5,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
-from hj_cosim.analysis.figures.road_view import draw_cars, draw_scene, scene_rows
+from hj_cosim.analysis.figures.road_view import body_corners, draw_cars, draw_scene, scene_rows
 from hj_cosim.analysis.figures.value_plot import value_colours, value_scale
 from hj_cosim.analysis.values import car_values
 from hj_cosim.reachability.table.table import ValueTable
@@ -31,16 +31,14 @@ def highway(run: Run, table: ValueTable, time: float | None = None) -> style.Dra
         figure = Figure(figsize=(style.PAGE_WIDTH, 1.7), layout="constrained")
         axes = figure.subplots()
         seen = draw_scene(axes, record, sample, BEHIND, AHEAD)
-        draw_cars(
-            axes,
+        corners = body_corners(
             traffic.x[sample, seen],
             traffic.y[sample, seen],
             traffic.heading[sample, seen],
             traffic.length[seen],
             traffic.width[seen],
-            colours=value_colours(values[seen]),
-            zorder=4.0,
         )
+        draw_cars(axes, corners, value_colours(values[seen]), zorder=4.0)
         for car in seen[np.abs(values[seen]) < 100.0]:
             axes.annotate(
                 f"{values[car]:.0f}",

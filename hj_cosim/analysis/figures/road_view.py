@@ -43,17 +43,12 @@ def body_corners(
 
 def draw_cars(
     axes: Axes,
-    x: np.ndarray,
-    y: np.ndarray,
-    heading: np.ndarray,
-    length: np.ndarray,
-    width: np.ndarray,
+    corners: np.ndarray,
     colours: object = style.CAR,
     edge: str = style.CAR_EDGE,
     zorder: float = 3.0,
 ) -> None:
-    """Draw cars, (J,) arrays as body_corners takes them; `colours` is one colour or one a car."""
-    corners = body_corners(x, y, heading, length, width)
+    """Draw cars, whose corners are as body_corners returns them; `colours` is one colour or one a car."""
     axes.add_collection(
         PolyCollection(list(corners), facecolors=colours, edgecolors=edge, linewidths=0.7, zorder=zorder)
     )
@@ -61,8 +56,8 @@ def draw_cars(
 
 def draw_robot(axes: Axes, x: float, y: float, heading: float, length: float, width: float) -> None:
     """Draw the robot: the one dark car, with an arrow head as its nose."""
-    x_1, y_1, heading_1, length_1, width_1 = np.array([[x], [y], [heading], [length], [width]])
-    draw_cars(axes, x_1, y_1, heading_1, length_1, width_1, style.ROBOT, style.BLACK, zorder=5.0)
+    corners = body_corners(*np.array([[x], [y], [heading], [length], [width]]))
+    draw_cars(axes, corners, style.ROBOT, style.BLACK, zorder=5.0)
     nose = np.array([[0.45, 0.0], [0.1, 0.35], [0.1, -0.35]]) * [length, width]
     cos, sin = np.cos(heading), np.sin(heading)
     turned = nose @ np.array([[cos, sin], [-sin, cos]]) + [x, y]
@@ -81,14 +76,10 @@ def draw_scene(axes: Axes, record: RunRecord, sample: int, behind: float, ahead:
     reach = 0.5 * traffic.length
     x = traffic.x[sample]
     seen = np.flatnonzero(traffic.present[sample] & (x > start - reach) & (x < stop + reach))
-    draw_cars(
-        axes,
-        x[seen],
-        traffic.y[sample, seen],
-        traffic.heading[sample, seen],
-        traffic.length[seen],
-        traffic.width[seen],
+    corners = body_corners(
+        x[seen], traffic.y[sample, seen], traffic.heading[sample, seen], traffic.length[seen], traffic.width[seen]
     )
+    draw_cars(axes, corners)
     draw_robot(
         axes,
         robot.x[sample],

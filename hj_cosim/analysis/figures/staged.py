@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from hj_cosim.analysis.figures.road_view import draw_cars, draw_road, draw_robot
+from hj_cosim.analysis.figures.road_view import body_corners, draw_cars, draw_road, draw_robot
 from hj_cosim.analysis.values import value_field
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation
@@ -75,7 +75,7 @@ class Situation:
         """Draw the road between two arc lengths (m), the cars and the robot."""
         draw_road(axes, self.road, start, stop)
         sizes = np.full(len(self.x), CAR_LENGTH), np.full(len(self.x), CAR_WIDTH)
-        draw_cars(axes, self.x, self.y, np.zeros(len(self.x)), *sizes, colours=car_colours)
+        draw_cars(axes, body_corners(self.x, self.y, np.zeros(len(self.x)), *sizes), car_colours)
         draw_robot(axes, self.robot[0], self.robot[1], self.robot[2], CAR_LENGTH, CAR_WIDTH)
 
     def rows(self, table: ValueTable) -> pd.DataFrame:

@@ -36,6 +36,26 @@ def limits_of(robot: RobotSettings) -> np.ndarray:
     return np.array([-robot.omega_max, robot.omega_max, robot.acceleration_min, robot.acceleration_max])
 
 
+class Grip:
+    """The robot's limits, with no more turning than its tyres hold.
+
+    Args:
+        robot: its limits.
+    """
+
+    def __init__(self, robot: RobotSettings) -> None:
+        self._limits = limits_of(robot)
+        self._sideways = robot.lateral_acceleration_max
+        self._free = robot.lateral_acceleration_max / robot.omega_max  # m/s, up to which tyres hold any turn
+
+    def limits_at(self, speed: float) -> np.ndarray:
+        """Return the limits at a speed (m/s), (4,) as of `limits_of`; the same array where tyres hold any turn."""
+        if speed <= self._free:
+            return self._limits
+        turning_max = self._sideways / speed
+        return np.array([-turning_max, turning_max, self._limits[2], self._limits[3]])
+
+
 class NearestControl:
     """Chooses a control under rows, by one of the schemes MI and SW.
 
@@ -72,7 +92,7 @@ class NearestControl:
             desired: finite, within the robot's limits.
             available: (4,) lower and upper ω, lower and upper a.
         """
-        if constraints == 0:
+        if len(rows) == 0:
             return RowsDecision(desired, desired=desired, rows=NO_ROWS, available=available)
         omega = self.applied_omega if self._holds_steering else desired.omega
         solution = self._solver.solve(rows, omega, desired.acceleration, available)

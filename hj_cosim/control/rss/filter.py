@@ -3,7 +3,7 @@
 import numpy as np
 
 from hj_cosim.control.contract import CANNOT_JUDGE, FilterDecision
-from hj_cosim.control.problem.nearest_control import NearestControl, limits_of
+from hj_cosim.control.problem.nearest_control import Grip, NearestControl
 from hj_cosim.control.problem.safety_problem import NO_ROWS, SafetyRows
 from hj_cosim.control.rss.rss_rows import NEVER_SEEN, RssDistances, rss_rows
 from hj_cosim.scene.observation import CarValues, Control, Observation
@@ -23,7 +23,7 @@ class RssFilter:
 
     def __init__(self, settings: FilterSettings, robot: RobotSettings) -> None:
         self._nearest = NearestControl(settings, robot)
-        self._limits = limits_of(robot)
+        self._grip = Grip(robot)
         self._distances = RssDistances.of(settings.rss)
         self._size = np.array([robot.length, robot.width])
         self._memory = np.full(64, NEVER_SEEN, dtype=np.int64)
@@ -32,7 +32,7 @@ class RssFilter:
         """Compile what is driven with, and remember nothing of it."""
         self._make_room(observation.vehicle)
         rss_rows(observation.robot, self._size, observation.cars, self._distances, self._memory.copy())
-        self._nearest.prepare(self._limits)
+        self._nearest.prepare(self._grip.limits_at(0.0))
 
     def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
         """Return the control nearest to the desired one that responds properly; see SafetyFilter.
@@ -46,7 +46,7 @@ class RssFilter:
         found = NO_ROWS
         if dangerous > 0:
             found = SafetyRows(observation.vehicle[cars], np.zeros(len(cars)), *rows)
-        decision = self._nearest.choose(found, dangerous, desired, self._limits)
+        decision = self._nearest.choose(found, dangerous, desired, self._grip.limits_at(float(observation.robot[3])))
         self._nearest.applied_omega = decision.control.omega
         return decision
 

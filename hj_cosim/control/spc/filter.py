@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from hj_cosim.control.contract import CANNOT_JUDGE, FilterDecision
-from hj_cosim.control.problem.nearest_control import NearestControl, RowsDecision, limits_of
+from hj_cosim.control.problem.nearest_control import Grip, NearestControl, RowsDecision, limits_of
 from hj_cosim.control.problem.safety_problem import NO_ROWS, SafetyRows, available_controls
+from hj_cosim.control.spc.approach import binding_rows
 from hj_cosim.control.spc.escape import (
     ESCAPING,
     NO_ESCAPE,
@@ -47,6 +48,10 @@ class SafetyPreservingFilter:
         self._nearest = NearestControl(settings, robot)
         self._epsilon = settings.epsilon
         self._recovery = settings.recovery
+        self._approach = settings.approach
+        # Below its bound a car may need a row: ε, or any V that a look-up gives.
+        self._bound = settings.epsilon if settings.approach == 0.0 else np.finfo(np.float64).max
+        self._grip = Grip(robot)
         self._step = step
         self._table = table
         self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
@@ -62,20 +67,22 @@ class SafetyPreservingFilter:
 
     def prepare(self, observation: Observation, values: CarValues) -> None:
         """Compile what is driven with: Ctrl-C while Numba compiles may be lost, which no step of a drive is to risk."""
-        self._rows(observation, values, epsilon=np.inf)
-        self._nearest.prepare(available_controls(self._limits, 0.0, 0.0, self._bounds, self._step))
+        available = available_controls(self._limits, 0.0, 0.0, self._bounds, self._step)
+        self._rows(observation, values, np.inf, available)
+        self._nearest.prepare(available)
         if len(self._manoeuvres.heading) > 0:
             self._kept_escape(observation, values, Control(0.0, 0.0))
 
     def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
         """Return the control nearest to the desired one under which no V in K falls; see SafetyFilter."""
+        available = self._available(observation.robot)
         rows: SafetyRows | None = NO_ROWS
-        if values.least <= self._epsilon:
-            rows = self._rows(observation, values, self._epsilon)
+        if values.least <= self._bound:
+            rows = self._rows(observation, values, self._bound, available)
         if rows is None:
             return CANNOT_JUDGE
-        available = self._available(observation.robot)
-        decision = self._nearest.choose(rows, len(rows), desired, available)
+        in_k = int(np.count_nonzero(rows.value <= self._epsilon))
+        decision = self._nearest.choose(rows, in_k, desired, available)
         if len(rows) == 0 and available is not self._limits:
             decision = replace(decision, control=_within(available, desired.omega, desired.acceleration))
         if len(self._manoeuvres.heading) > 0:
@@ -83,23 +90,25 @@ class SafetyPreservingFilter:
         self._nearest.applied_omega = decision.control.omega
         return decision
 
-    def _rows(self, observation: Observation, values: CarValues, epsilon: float) -> SafetyRows | None:
-        """Return the rows of the cars with V <= ε: no V of theirs may fall; None where a row is not finite."""
-        cars, (value, p, q, c) = rows_of_cars(self._table, observation, values, epsilon)
-        if self._recovery > 0.0:
-            c -= self._recovery * np.minimum(self._epsilon - value, self._epsilon)
-        rows = SafetyRows(observation.vehicle[cars], value, p, q, c)
-        return rows if rows.are_possible else None
+    def _rows(
+        self, observation: Observation, values: CarValues, bound: float, available: np.ndarray
+    ) -> SafetyRows | None:
+        """Return the rows of the cars with V up to a bound that could bind; None where a row is not finite."""
+        cars, rows = rows_of_cars(self._table, observation, values, bound)
+        kept, rows = binding_rows(rows, self._epsilon, self._recovery, self._approach, available)
+        found = SafetyRows(observation.vehicle[cars[kept]], *rows)
+        return found if found.are_possible else None
 
     def _available(self, robot: np.ndarray) -> np.ndarray:
-        """Return the controls that do not lead beyond the table within a step, (4,)."""
+        """Return the controls that the tyres hold and that do not lead beyond the table within a step, (4,)."""
         heading, speed = float(robot[2]), float(robot[3])
+        limits = self._grip.limits_at(speed)
         if (
             self._free_heading[0] <= heading <= self._free_heading[1]
             and self._free_speed[0] <= speed <= self._free_speed[1]
         ):
-            return self._limits
-        return available_controls(self._limits, heading, speed, self._bounds, self._step)
+            return limits
+        return available_controls(limits, heading, speed, self._bounds, self._step)
 
     def _kept_escape(
         self, observation: Observation, values: CarValues, asked: Control

@@ -192,16 +192,6 @@ class Game:
         self.target(_columns(states), parameters, out)
         return out
 
-    def hamiltonian_values(
-        self, states: np.ndarray, gradients: np.ndarray, parameters: np.ndarray, limits: np.ndarray
-    ) -> np.ndarray:
-        """Return H, (n,), at any `states` (n, dimension) with `gradients` (n, dimension)."""
-        out = np.empty(len(states), np.float32)
-        for row in range(len(states)):  # one state is a slab of its own: see the module's docstring
-            here = slice(row, row + 1)
-            self.hamiltonian(_columns(states[here]), _columns(gradients[here]), parameters, limits, out[here])
-        return out
-
     def optimal(
         self, states: np.ndarray, gradients: np.ndarray, parameters: np.ndarray, limits: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:

@@ -90,6 +90,7 @@ def _difference_by_stencil(
         _lead_away(source[face : face + size], sign, out)
 
 
+# Ten parameters: slices of a slab are views, and packing them in the innermost loop costs more than it says.
 @njit(cache=True)
 def _differences_between_lines(
     source: np.ndarray, here: int, first_line: int, line: int, count: int, stencils: np.ndarray, mirror_shift: int,
@@ -179,6 +180,7 @@ def _copy(source: np.ndarray, out: np.ndarray) -> None:
         out[i] = source[i]
 
 
+# Twenty-one parameters: flat arrays compile to one kernel for every game and scheme, which its cache then serves.
 @njit(cache=True, nogil=True)
 def advance_slabs(
     first: int,
@@ -267,6 +269,7 @@ def advance_slabs(
         _copy(rate[:size], target[here:stop])
 
 
+# Nine parameters: the arrays of advance_slabs that it needs, in the same order.
 @njit(cache=True, nogil=True)
 def target_slabs(
     first: int,

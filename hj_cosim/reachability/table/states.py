@@ -27,7 +27,10 @@ def state_rows(game: Game, grid: Grid, states: np.ndarray) -> np.ndarray:
     """
     axes = f"({', '.join(game.state)})"
     try:
-        rows = np.atleast_2d(np.asarray(states, np.float64))
+        given = np.asarray(states)
+        if np.iscomplexobj(given):
+            raise TypeError("complex numbers have no order")
+        rows = np.atleast_2d(given.astype(np.float64))
     except (TypeError, ValueError) as error:
         raise StateError(f"states of {game.name} are numbers {axes}, not {type(states).__name__}: {error}") from error
     if rows.ndim != 2 or rows.shape[1] != game.dimension:

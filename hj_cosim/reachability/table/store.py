@@ -20,6 +20,7 @@ from hj_cosim.reachability.games.catalogue import find_game
 from hj_cosim.reachability.games.contract import Game, SizeClass
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.solver.solver import Progress, SolveReport, solve
+from hj_cosim.reachability.table.size_classes import CAR, SIZE_CLASSES
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.reachability.table.table_file import TableFile, open_table_file
 from hj_cosim.settings import RobotSettings, TableSpecification, read_toml, validate
@@ -27,29 +28,6 @@ from hj_cosim.settings import RobotSettings, TableSpecification, read_toml, vali
 # Part of every specification's hash: raised when the solver changes what it computes, so that tables are re-solved.
 _SOLVER_VERSION = 4
 _HASH_IN_NAME = 12  # characters of it in the name of a table that no specification names
-
-# The other cars, by the size that a table has to be right for; smaller ones count as cars.
-SIZE_CLASSES = (SizeClass("car", 5.0, 2.0), SizeClass("van or truck", 12.0, 2.5), SizeClass("long truck", 18.0, 2.5))
-CAR = SIZE_CLASSES[0]
-
-
-def size_class(length: float, width: float) -> SizeClass:
-    """Return the smallest size class that a car's body fits into.
-
-    Args:
-        length, width: m.
-
-    Raises:
-        ConfigurationError: if it fits into none.
-    """
-    for size in SIZE_CLASSES:
-        if length <= size.length and width <= size.width:
-            return size
-    largest = SIZE_CLASSES[-1]
-    raise ConfigurationError(
-        f"a car of {length:g} m x {width:g} m is larger than every table is for; {largest.length:g} m x"
-        f" {largest.width:g} m is the most"
-    )
 
 
 def save_table(table: ValueTable, path: Path) -> None:
@@ -160,7 +138,7 @@ def find_specification(name_or_path: str) -> Path:
     Raises:
         ConfigurationError: if there is none.
     """
-    path = Path(name_or_path).expanduser()
+    path = locations.given_path(name_or_path, "the value table").expanduser()
     if path.suffix == ".npz":
         if not path.is_file():
             raise ConfigurationError(f"table file {name_or_path} does not exist; solve it with `hj-cosim table solve`")
@@ -316,7 +294,7 @@ def solve_table(specification: TableSpecification | str, progress: Progress | No
         TableError: if the solution is not finite.
     """
     name = "the table specification"
-    if isinstance(specification, str):
+    if not isinstance(specification, TableSpecification):
         name = str(find_specification(specification))
         specification = read_specification(Path(name))
     game = find_game(specification.dynamics)

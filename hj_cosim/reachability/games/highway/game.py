@@ -20,7 +20,12 @@ import numpy as np
 from hj_cosim.reachability.games.contract import TWO_CARS, BrakingShear, Game, ManoeuvreBounds, state_function
 from hj_cosim.reachability.games.highway.manoeuvre_cap import capped
 from hj_cosim.reachability.games.highway.manoeuvres import lower_bounds, manoeuvres_of
-from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed
+from hj_cosim.reachability.games.highway.other_car import (
+    Disturbance,
+    allowed,
+    available_acceleration,
+    worst_heading_sine,
+)
 from hj_cosim.reachability.games.highway.pair import of_pair
 from hj_cosim.reachability.games.highway.parameters import PARAMETERS
 from hj_cosim.reachability.games.highway.rows import closed_rows
@@ -69,38 +74,51 @@ def flow(x, u, d, c, out):  # type: ignore[no-untyped-def]
 def hamiltonian(x, p, c, limits, out):  # type: ignore[no-untyped-def]
     """max over (ω_r, a_r), min over (θ_o, a_o) of p · dx/dt in closed form.
 
-    The other car's heading maximises p_x cos θ_o + p_y sin θ_o over |θ_o| <= θ̄: it points along (p_x, p_y) where
+    The other car's heading maximises p_x cos θ_o + p_y sin θ_o within what is allowed: it points along (p_x, p_y) where
     that lies within the bounds, which makes the norm, and else along the nearer bound. On a sheared grid,
     dξ = dp_x − 2 k (v_o a_o − v_r a_r), so that the accelerations' slopes take a share of ξ's.
     """
     heading, v_r = x[2, 0], x[3, 0]  # shared by the nodes of a slab
     # At a limit of the state the input that would cross it is not available.
-    zero = np.float32(0.0)
-    omega_low = zero if heading <= limits[0, 2] else -c[0]
-    omega_high = zero if heading >= limits[1, 2] else c[0]
+    zero, one = np.float32(0.0), np.float32(1.0)
+    turning_max = _turning_max(c, v_r)
+    omega_low = zero if heading <= limits[0, 2] else -turning_max
+    omega_high = zero if heading >= limits[1, 2] else turning_max
     robot_low = zero if v_r <= limits[0, 3] else c[1]
     robot_high = zero if v_r >= limits[1, 3] else c[2]
-    slowest, fastest = limits[0, 4], limits[1, 4]
-    other_low, other_high = c[4], c[5]
     twice_shear = np.float32(2.0) * c[15]
     robot_share = twice_shear * v_r
     forward, leftward = np.float32(v_r * math.cos(heading)), np.float32(v_r * math.sin(heading))
-    cos_bound, sin_bound, tan_bound = np.float32(math.cos(c[3])), np.float32(math.sin(c[3])), np.float32(math.tan(c[3]))
+    assumed = _disturbance(c)
     for i in range(out.shape[0]):
-        p_x, p_y = p[0, i], p[1, i]
-        side = abs(p_y)
-        at_bound = p_x * cos_bound + side * sin_bound
+        p_x, p_y, v_o = p[0, i], p[1, i], x[4, i]
+        along = x[0, i] + c[15] * (v_o * v_o - v_r * v_r)
+        may = allowed(assumed, along, x[1, i], leftward, v_r, v_o)
         # Branches as selects, so that the loop runs in SIMD.
-        other = math.sqrt(p_x * p_x + p_y * p_y) if (p_x > zero) & (side <= p_x * tan_bound) else at_bound
+        left, right = np.float32(may.left), np.float32(may.right)
+        at_left, at_right = p_x * math.sqrt(one - left * left), p_x * math.sqrt(one - right * right)
+        at_bound = max(at_left + p_y * left, at_right + p_y * right)
+        length = math.sqrt(p_x * p_x + p_y * p_y)
+        other = length if (p_x > zero) & (p_y <= left * length) & (p_y >= right * length) else at_bound
         turning = omega_high * p[2, i] if p[2, i] > zero else omega_low * p[2, i]
         by_robot = p[3, i] + robot_share * p_x
         robot = robot_high * by_robot if by_robot > zero else robot_low * by_robot
-        v_o = x[4, i]
         by_other = p[4, i] - twice_shear * v_o * p_x
-        low = zero if v_o <= slowest else other_low
-        high = zero if v_o >= fastest else other_high
-        other_speed = low * by_other if by_other > zero else high * by_other
+        least, most = available_acceleration(may, v_o, limits[0, 4], limits[1, 4])
+        other_speed = np.float32(least) * by_other if by_other > zero else np.float32(most) * by_other
         out[i] = forward * p_x + leftward * p_y - v_o * other + turning + robot + other_speed
+
+
+@state_function
+def _turning_max(c, v_r):  # type: ignore[no-untyped-def]
+    """The largest |ω_r| at a speed: the robot's limit, and what its tyres hold."""
+    return min(c[0], c[16] / max(v_r, np.float32(1e-3)))
+
+
+@state_function
+def _disturbance(c):  # type: ignore[no-untyped-def]
+    """What the other car is assumed to do, of the parameters."""
+    return Disturbance(c[3], c[4], c[5], c[17] != 0.0, c[6], c[7], c[9], c[10], c[11], c[18], c[19], c[20])
 
 
 @state_function
@@ -112,7 +130,7 @@ def dissipation(x, c, out):  # type: ignore[no-untyped-def]
     heading, v_r, heading_max = x[2, 0], x[3, 0], c[3]  # the first two are shared by the nodes of a slab
     forward, sideways = np.float32(v_r * math.cos(heading)), np.float32(abs(v_r * math.sin(heading)))
     cos_bound, sin_bound = np.float32(math.cos(heading_max)), np.float32(math.sin(heading_max))
-    turning, robot, other = c[0], max(-c[1], c[2]), max(-c[4], c[5])
+    turning, robot, other = _turning_max(c, v_r), max(-c[1], c[2]), max(-c[4], c[5])
     twice_shear = np.float32(2.0) * c[15]
     fastest, slowest = forward + twice_shear * v_r * c[2], forward + twice_shear * v_r * c[1]
     for i in range(out.shape[1]):
@@ -128,14 +146,17 @@ def dissipation(x, c, out):  # type: ignore[no-untyped-def]
 @state_function
 def optimal_inputs(x, p, c, limits, u, d):  # type: ignore[no-untyped-def]
     """The inputs that attain the Hamiltonian; where an input does not matter it is 0."""
-    other = Disturbance(c[3], c[4], c[5])
+    assumed = _disturbance(c)
     for i in range(u.shape[1]):
-        u[0, i] = _box_maximiser(p[2, i], x[2, i], limits[0, 2], limits[1, 2], -c[0], c[0])
-        u[1, i] = _box_maximiser(p[3, i], x[3, i], limits[0, 3], limits[1, 3], c[1], c[2])
-        right, left, least, most = allowed(other, x[0, i], x[1, i], x[3, i], x[4, i])
-        along = 0.0 if p[0, i] == 0.0 and p[1, i] == 0.0 else math.atan2(p[1, i], p[0, i])
-        d[0, i] = min(max(along, right), left)
-        d[1, i] = _box_maximiser(-p[4, i], x[4, i], limits[0, 4], limits[1, 4], least, most)
+        heading, v_r, v_o = x[2, i], x[3, i], x[4, i]
+        turning_max = _turning_max(c, v_r)
+        u[0, i] = _box_maximiser(p[2, i], heading, limits[0, 2], limits[1, 2], -turning_max, turning_max)
+        u[1, i] = _box_maximiser(p[3, i], v_r, limits[0, 3], limits[1, 3], c[1], c[2])
+        may = allowed(assumed, x[0, i], x[1, i], v_r * math.sin(heading), v_r, v_o)
+        d[0, i] = 0.0 if p[0, i] == 0.0 and p[1, i] == 0.0 else math.asin(worst_heading_sine(may, p[0, i], p[1, i]))
+        least, most = available_acceleration(may, v_o, limits[0, 4], limits[1, 4])
+        by_other = p[4, i]
+        d[1, i] = least if by_other > 0.0 else (most if by_other < 0.0 else min(max(0.0, least), most))
 
 
 @state_function

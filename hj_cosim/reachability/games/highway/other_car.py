@@ -1,5 +1,21 @@
-"""What the other car of the highway game is assumed to do at the worst (jitted)."""
+"""What the other car of the highway game is assumed to do at the worst (jitted).
 
+There are two assumptions. `worst`, the paper's: anything within its limits, always. `responsible`, after the duties of
+RSS (Shalev-Shwartz, Shammah & Shashua 2017) and the reasonably foreseeable behaviour of IEEE 2846-2022, within the
+same limits:
+
+- Who follows answers for the distance. A car behind, on a path that leaves less than `side_margin` beside the robot,
+  does not accelerate into the distance that RSS asks of it, and brakes with b_min once that is violated. The response
+  time is its own, `other_response_time`, and it leaves `standing_gap` besides.
+- Who is beside stays there. A car does not steer into the `side_margin` next to the robot's side.
+- Who cuts in leaves room: it comes nearer than that only where ahead of or behind the robot the same distance is kept.
+
+A car ahead may brake with all it has at any moment. A robot that moves towards somebody's lane takes that room itself:
+those behind are not bound until it is in the lane. Each duty sets in over some metres, so that the Hamiltonian is
+continuous in the state.
+"""
+
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -7,7 +23,30 @@ from numba import njit
 
 from hj_cosim.errors import TableError
 
+# m, over which the duties of who follows, who cuts in and who is beside set in.
+_FOLLOWING, _CUTTING_IN, _BESIDE = 4.0, 2.0, 0.5
+# m between the lines of travel: up to the first a follower is bound whatever the robot does, beyond the second only by
+# a robot that does not move towards it.
+_IN_LANE, _OUT_OF_LANE = 1.0, 1.75
+# m/s towards the other's line: up to the first a robot keeps its place, from the second on it changes lanes.
+_STAYING, _MOVING = 0.2, 0.7
+# m of p_y, up to which the robot is partly straight ahead: there the other has it on neither side.
+_STRAIGHT_AHEAD = 0.5
+
 _PARAMETERS = ("other_heading_max", "other_acceleration_min", "other_acceleration_max")
+
+
+# What the duties need, and the parameter of the game that it is.
+_DUTIES = {
+    "length": "length",
+    "width": "width",
+    "acceleration": "acceleration",
+    "brake_min": "brake_min",
+    "brake_max": "brake_max",
+    "response_time": "other_response_time",
+    "standing_gap": "standing_gap",
+    "side_margin": "side_margin",
+}
 
 
 class Disturbance(NamedTuple):
@@ -16,10 +55,19 @@ class Disturbance(NamedTuple):
     heading_max: float  # θ̄, rad
     acceleration_min: float  # m/s²
     acceleration_max: float  # m/s²
+    responsible: bool = False  # whether it does its duties, which need what follows
+    length: float = 5.0  # m, of RSS's gaps
+    width: float = 2.0  # m
+    acceleration: float = 3.0  # m/s², a_accel of RSS
+    brake_min: float = 6.0  # m/s², b_min
+    brake_max: float = 6.0  # m/s², b_max
+    response_time: float = 1.0  # s, the other's
+    standing_gap: float = 2.0  # m
+    side_margin: float = 1.0  # m
 
     @classmethod
     def of_game(cls, parameters: Mapping[str, float]) -> "Disturbance":
-        """Return the limits among all parameters of a highway game.
+        """Return the assumption of a highway game with these parameters, all of them.
 
         Raises:
             TableError: if they are the parameters of another game.
@@ -27,14 +75,92 @@ class Disturbance(NamedTuple):
         missing = [name for name in _PARAMETERS if name not in parameters]
         if missing:
             raise TableError(f"the game has no parameter {missing[0]}, which limits the other car in a highway game")
-        return cls(*(parameters[name] for name in _PARAMETERS))
+        return cls(
+            heading_max=parameters["other_heading_max"],
+            acceleration_min=parameters["other_acceleration_min"],
+            acceleration_max=parameters["other_acceleration_max"],
+            responsible=parameters.get("responsible", 0.0) != 0.0,
+            **{name: parameters[of] for name, of in _DUTIES.items() if of in parameters},
+        )
+
+
+class Allowed(NamedTuple):
+    """What the other car may do in one state."""
+
+    right: float  # the least sin θ_o
+    left: float  # the greatest
+    least: float  # of a_o, m/s²
+    most: float
 
 
 @njit(cache=True)
-def allowed(other: Disturbance, p_x: float, p_y: float, v_r: float, v_o: float) -> tuple[float, float, float, float]:
-    """Return what the other car may do in a state: least and greatest θ_o, rad, least and greatest a_o, m/s².
+def _share(value: float, none: float, full: float) -> float:
+    """Return 0 at `none`, 1 at `full`, linear between, constant beyond."""
+    return min(max((value - none) / (full - none), 0.0), 1.0)
 
-    The paper's assumption is the worst one, the same box in every state. Whoever judges the other car's inputs asks
-    here, so that an assumption that depends on the state is one for optimal inputs and half-planes alike.
+
+@njit(cache=True)
+def _room(other: Disturbance, gap: float, rear: float, front: float) -> float:
+    """Return what is left of a gap (m, bumper to bumper) beside the distance that the other car keeps."""
+    after = rear + other.response_time * other.acceleration
+    distance = (
+        0.5 * (rear + after) * other.response_time
+        + after * after / (2.0 * other.brake_min)
+        - front * front / (2.0 * other.brake_max)
+    )
+    return gap - other.standing_gap - max(distance, 0.0)
+
+
+@njit(cache=True)
+def allowed(other: Disturbance, p_x: float, p_y: float, leftwards: float, v_r: float, v_o: float) -> Allowed:
+    """Return what the other car may do in a state of the game.
+
+    Whoever judges the other car's inputs asks here: Hamiltonian, optimal inputs, half-planes, rollouts and adversary.
+
+    Args:
+        other: the assumption.
+        p_x, p_y: robot − other, m.
+        leftwards: v_r sin θ of the robot, m/s.
+        v_r, v_o: m/s.
     """
-    return -other.heading_max, other.heading_max, other.acceleration_min, other.acceleration_max
+    bound = from_left = from_right = 0.0
+    if other.responsible:
+        behind = p_x > 0.0  # the other one is
+        rear = v_o if behind else v_r
+        front = v_r if behind else v_o
+        room = _room(other, abs(p_x) - other.length, rear, front)
+        near = 1.0 - _share(abs(p_y) - other.width, other.side_margin, other.side_margin + _BESIDE)
+        if behind:
+            towards = -leftwards if p_y > 0.0 else leftwards
+            in_lane = 1.0 - _share(abs(p_y), _IN_LANE, _OUT_OF_LANE)
+            staying = 1.0 - _share(towards, _STAYING, _MOVING)
+            bound = max(in_lane, near * staying) * (1.0 - _share(room, 0.0, _FOLLOWING))
+        withheld = near * (1.0 - _share(room, 0.0, _CUTTING_IN))
+        side = min(max(p_y / _STRAIGHT_AHEAD, -1.0), 1.0)
+        from_right, from_left = withheld * max(-side, 0.0), withheld * max(side, 0.0)
+    sine, most = math.sin(other.heading_max), other.acceleration_max
+    return Allowed(
+        -sine * (1.0 - from_right),
+        sine * (1.0 - from_left),
+        other.acceleration_min * 1.0,
+        most - bound * (most + other.brake_min),
+    )
+
+
+@njit(cache=True)
+def worst_heading_sine(limits: Allowed, along: float, across: float) -> float:
+    """Return sin θ_o of the heading within its limits that makes along · cos θ_o + across · sin θ_o the greatest."""
+    length = math.hypot(along, across)
+    if along > 0.0 and limits.right * length <= across <= limits.left * length:
+        return across / length
+    at_right = along * math.sqrt(1.0 - limits.right * limits.right) + across * limits.right
+    at_left = along * math.sqrt(1.0 - limits.left * limits.left) + across * limits.left
+    return limits.right if at_right > at_left else limits.left
+
+
+@njit(cache=True)
+def available_acceleration(limits: Allowed, v_o: float, slowest: float, fastest: float) -> tuple[float, float]:
+    """Return the least and greatest a_o, m/s², that keep v_o within its limits, m/s; a car that stands stays there."""
+    least = max(limits.least, 0.0) if v_o <= slowest else limits.least
+    most = min(limits.most, 0.0) if v_o >= fastest else limits.most
+    return least, max(least, most)

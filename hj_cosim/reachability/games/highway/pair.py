@@ -31,6 +31,7 @@ def of_pair(specification: TableSpecification, robot: RobotSettings, other: Size
         "acceleration_max": robot.acceleration_max,
         "length": 0.5 * (robot.length + other.length),
         "width": 0.5 * (robot.width + other.width),
+        "lateral_acceleration_max": robot.lateral_acceleration_max,
     }
     changes = {name: value for name, value in pair.items() if value != written[name]}
     weaker = max(pair["acceleration_min"] - written["acceleration_min"], 0.0)

@@ -18,4 +18,9 @@ PARAMETERS = {
     "lateral_brake": 0.8,
     "lateral_margin": 0.1,
     "braking_shear": 0.0,  # s²/m, k of the grid's first axis
+    "lateral_acceleration_max": 1000.0,  # m/s², |v_r ω_r| <= this: what the robot's tyres hold; so much is no limit
+    "responsible": 0.0,  # 1: the other car does its duties (see `other_car`); 0: anything within its limits
+    "other_response_time": 1.0,  # s, with which it keeps RSS's distance
+    "standing_gap": 2.0,  # m, that it leaves besides
+    "side_margin": 1.0,  # m, that it leaves beside the robot
 }

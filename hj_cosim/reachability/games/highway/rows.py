@@ -12,7 +12,12 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.reachability.games.contract import RowsOfCars
-from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed
+from hj_cosim.reachability.games.highway.other_car import (
+    Disturbance,
+    allowed,
+    available_acceleration,
+    worst_heading_sine,
+)
 from hj_cosim.scene.observation import Cars
 
 
@@ -28,16 +33,13 @@ def worst_drift(gradient: np.ndarray, state: np.ndarray, other: Disturbance) -> 
         other: what w_o is assumed to be.
     """
     along, across, heading, speed, other_speed = gradient[0], gradient[1], state[2], state[3], state[4]
-    right, left, least, most = allowed(other, state[0], state[1], speed, other_speed)
-    cos_right, sin_right, cos_left, sin_left = math.cos(right), math.sin(right), math.cos(left), math.sin(left)
-    # V_x cosθ_o + V_y sinθ_o still rises at the right-most heading and falls at the left-most: its top lies between.
-    if across * cos_right >= along * sin_right and across * cos_left <= along * sin_left:
-        towards = math.hypot(along, across)
-    else:
-        towards = max(along * cos_right + across * sin_right, along * cos_left + across * sin_left)
-    braking = least if other_speed > 0.0 else max(least, 0.0)
-    worst_acceleration = min(gradient[4] * braking, gradient[4] * most)
-    own = speed * (along * math.cos(heading) + across * math.sin(heading))
+    leftwards = speed * math.sin(heading)
+    may = allowed(other, state[0], state[1], leftwards, speed, other_speed)
+    sine = worst_heading_sine(may, along, across)
+    towards = along * math.sqrt(1.0 - sine * sine) + across * sine
+    least, most = available_acceleration(may, other_speed, 0.0, math.inf)
+    worst_acceleration = min(gradient[4] * least, gradient[4] * most)
+    own = along * speed * math.cos(heading) + across * leftwards
     return worst_acceleration - other_speed * towards + own
 
 

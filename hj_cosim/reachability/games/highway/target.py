@@ -41,6 +41,7 @@ class TargetFormula(NamedTuple):
     gained: float  # m/s, in the response time
     lateral_2: float  # s²/m
 
+    # Nine parameters: the formula's own, by the names that the game has for them.
     @classmethod
     def of(
         cls,

@@ -1,0 +1,103 @@
+"""One run, from what is asked for to its folder with pictures in it: what `hj-cosim run` does.
+
+The loop that drives knows nothing of pictures; here the two meet.
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from hj_cosim.control.contract import SafetyFilter
+from hj_cosim.cosim.configuration import resolve_config, stack_flags
+from hj_cosim.cosim.episode import Episode, Progress, run_in_sumo, write_episode
+from hj_cosim.files import file_name
+from hj_cosim.locations import given_path, runs_folder
+from hj_cosim.planning.contract import Planner
+from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
+from hj_cosim.reachability.table.store import load_table
+from hj_cosim.recording.run_folder import require_free_folder
+from hj_cosim.settings import EpisodeConfig, Scenario
+
+
+@dataclass(frozen=True)
+class EpisodeProgress:
+    """Who is told how far an episode is; each is called with what is done and what there is in all."""
+
+    driving: Progress | None = None  # samples, once a plan
+    solving: Progress | None = None  # steps of the value table's solve, if it has to be solved
+    drawing: Progress | None = None  # pictures
+    announce: Callable[[str], None] | None = None  # in one sentence, what is solved before it is
+
+
+def new_run_folder(config: EpisodeConfig) -> Path:
+    """Return a folder that does not exist yet, in runs/, named for the scenario, the stack and the seed."""
+    stack = (plugin_name(config.planner.kind), plugin_name(config.filter.kind))
+    parts = [file_name(part) for part in (config.scenario.name, *stack)]
+    if config.filter.kind != "none":
+        parts.append(config.filter.scheme)
+    name = "-".join([*parts, str(config.seed)])
+    folders = (runs_folder() / (name if attempt == 1 else f"{name}-{attempt}") for attempt in itertools.count(1))
+    return next(folder for folder in folders if not folder.exists())
+
+
+# Twelve parameters: each is a keyword of the library's face, and all but the first have to be named.
+def run_episode(
+    scenario: str | Path | Scenario = "paper",
+    *,
+    planner: str | type | Planner | None = None,
+    filter: str | type | SafetyFilter | None = None,
+    scheme: str | None = None,
+    preset: str = "best",
+    seed: int | None = None,
+    duration: float | None = None,
+    table: str | None = None,
+    settings: Sequence[str] = (),
+    out: Path | str | Callable[[EpisodeConfig], Path] | None = None,
+    figures: bool = True,
+    progress: Progress | EpisodeProgress | None = None,
+) -> Episode:
+    """Drive one episode in SUMO; this is what `hj-cosim run` does.
+
+    Args:
+        scenario: a name in sumo_net/, a path to a scenario TOML, or a Scenario.
+        planner: hjop, op, idle, or one of one's own (planning/contract.py): `FILE.py:Class`, `package.module:Class`, a
+            class, or an object of one, which is used as it is; hjop unless given.
+        filter: spc, rss, none, or one of one's own (control/contract.py), likewise; spc unless given.
+        scheme: mi or sw, of the filters spc and rss.
+        preset: best or paper.
+        seed: of the traffic; the scenario's unless given.
+        duration: recorded time, s.
+        table: a name in value_tables/ or a path to a specification; solved first if it has not been.
+        settings: any other knobs, as texts KEY=VALUE, for example `planner.gamma_r=0.8`.
+        out: the run folder to write, or a function that names one, such as `new_run_folder`; nothing is written unless
+            given.
+        figures: whether a run folder's pictures are drawn, which takes longer than the drive.
+        progress: called with the samples driven and the samples in all, once a plan; an EpisodeProgress is told of
+            solving and drawing, too.
+
+    Returns:
+        The configuration, the record (arrays, SI units, road frame), the summary and the folder.
+
+    Raises:
+        HjCosimError: one sentence on what is wrong and what would be right.
+    """
+    planner = planner if planner is None or isinstance(planner, str) else given(PLANNER, planner)
+    filter = filter if filter is None or isinstance(filter, str) else given(FILTER, filter)
+    flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
+    config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
+    tell = progress if isinstance(progress, EpisodeProgress) else EpisodeProgress(progress)
+    folder = out(config) if callable(out) else None if out is None else given_path(out, "out")
+    if folder is not None:
+        require_free_folder(folder)
+    value_table = load_table(config.table, tell.solving, robot=config.robot, announce=tell.announce)
+    episode = run_in_sumo(config, value_table, tell.driving)
+    if folder is None:
+        return episode
+    write_episode(episode, folder)
+    if figures:
+        # Matplotlib takes longer to import than an episode to drive: only who draws pays for it.
+        from hj_cosim.analysis.run_figures import draw_run
+
+        draw_run(folder, tell.drawing)
+    return replace(episode, folder=folder)

@@ -1,0 +1,68 @@
+import itertools
+
+import numpy as np
+import pytest
+from filter_in_loop import FilterInLoop
+
+from hj_cosim.control.spc.approach import asked_rise, binding_rows, can_bind
+from hj_cosim.scene.observation import Control
+from hj_cosim.settings import FilterSettings, RobotSettings
+
+BOX = np.array([-0.3, 0.3, -6.0, 4.0])
+
+
+def test_above_epsilon_v_may_fall_by_gamma_times_what_is_left() -> None:
+    assert asked_rise(5.0, 2.0, 0.0, 4.0) == -12.0
+    assert asked_rise(2.0, 2.0, 0.0, 4.0) == 0.0
+    assert asked_rise(1.0, 2.0, 3.0, 4.0) == 3.0  # below, it has to recover
+
+
+def test_a_row_can_bind_where_some_corner_of_the_box_misses_it() -> None:
+    draw = np.random.default_rng(1)
+    for p, q, c in draw.normal(size=(500, 3)) * [10.0, 2.0, 5.0]:
+        corners = [p * omega + q * a + c for omega, a in itertools.product(BOX[:2], BOX[2:])]
+        assert can_bind(p, q, c, BOX) == (min(corners) < 0.0)
+
+
+def test_only_rows_that_no_control_could_miss_are_left_out() -> None:
+    rows = np.array([[1.0, 5.0, 5.0], [0.0, 0.0, 10.0], [-1.0, -1.0, -1.0], [-1.0, -5.0, -40.0]])
+    kept, found = binding_rows(rows.copy(), 2.0, 0.0, 4.0, BOX)
+    assert kept.tolist() == [0, 2]  # in K; above epsilon and sure to be met; above and missed by some
+    assert found[3].tolist() == [-1.0, -40.0 + 12.0]
+
+
+def test_a_row_begins_before_epsilon_and_without_a_jump(table, observe) -> None:
+    spc = FilterInLoop(FilterSettings(kind="spc", approach=4.0), table)
+    asked = Control(0.0, 4.0)
+    applied = [
+        spc.filter(observe([0.0, 4.0, 0.0, 25.0], [[gap, 4.0, 0.0, 22.0]]), asked).control.acceleration
+        for gap in np.arange(60.0, 30.0, -0.05)
+    ]
+    assert applied[0] == 4.0
+    assert min(applied) < -4.0
+    switched = FilterInLoop(FilterSettings(kind="spc"), table)
+    at_once = [
+        switched.filter(observe([0.0, 4.0, 0.0, 25.0], [[gap, 4.0, 0.0, 22.0]]), asked).control.acceleration
+        for gap in np.arange(60.0, 30.0, -0.05)
+    ]
+    assert np.abs(np.diff(applied)).max() < 0.5 * np.abs(np.diff(at_once)).max()
+
+
+def test_constraints_are_the_cars_in_k_though_rows_begin_above(table, observe) -> None:
+    seen = observe([0.0, 4.0, 0.0, 25.0], [[42.0, 4.0, 0.0, 22.0]])
+    decision = FilterInLoop(FilterSettings(kind="spc", approach=1.0), table).filter(seen, Control(0.0, 4.0))
+    assert len(decision.rows) == 1
+    assert decision.rows.value[0] > 2.0
+    assert decision.constraints == 0
+    assert decision.control.acceleration < 4.0
+
+
+@pytest.mark.parametrize("kind", ["spc", "rss"])
+@pytest.mark.parametrize("speed", [5.0, 20.0, 35.0])
+def test_tyres_hold_every_turn_that_a_filter_chooses(table, observe, kind: str, speed: float) -> None:
+    robot = RobotSettings(lateral_acceleration_max=3.0)
+    spc = FilterInLoop(FilterSettings(kind=kind, approach=6.0), table, robot)
+    for side in (-1.0, 1.0):
+        seen = observe([0.0, 4.0, -0.1 * side, speed], [[3.0, 4.0 - 3.0 * side, 0.0, speed]])
+        control = spc.filter(seen, Control(0.0, 0.0)).control
+        assert abs(control.omega) * speed <= 3.0 + 1e-9
