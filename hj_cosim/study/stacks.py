@@ -32,7 +32,7 @@ class Stack:
 
     @property
     def text(self) -> str:
-        """Return what `parse_stack` reads, such as `hjop-spc-mi` or `/home/me/mine.py:KeepRight/spc-mi`."""
+        """Return what `parse_stack` reads, such as `hjop-spc-mi` or `mine.py:KeepRight/spc-mi`."""
         if not (_is_reference(self.planner) or _is_reference(self.filter)):
             return self.name
         return "-".join([f"{self.planner}/{self.filter}", *self._schemes])
