@@ -31,6 +31,7 @@ from hj_cosim.reachability.games.highway.manoeuvres import (
     room_for_paths,
 )
 from hj_cosim.reachability.games.highway.paths import Start
+from hj_cosim.reachability.games.highway.target import target_at
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import RobotSettings
 
@@ -133,6 +134,16 @@ def _one_escapes_from_all(
 
 
 @njit(cache=True)
+def _is_in_target_set(manoeuvres: Manoeuvres, robot: np.ndarray, others: np.ndarray) -> bool:
+    """Return whether V(0, ·) <= 0 with any of the cars, from where no control keeps the reserve; quickly seen."""
+    for j in range(len(others)):
+        p_x, p_y = robot[0] - others[j, 0], robot[1] - others[j, 1]
+        if target_at(manoeuvres.game.target, p_x, p_y, robot[2], robot[3], others[j, 2]) <= 0.0:
+            return True
+    return False
+
+
+@njit(cache=True)
 def _first_control(manoeuvres: Manoeuvres, which: int, heading: float, step: float) -> tuple[float, float]:
     """Return the control, rad/s and m/s², that a manoeuvre holds over the next step."""
     omega_max = manoeuvres.game.omega_max
@@ -200,7 +211,9 @@ def keep_escape(
     if not minded.any():
         return omega, acceleration, PASSED, NO_MANOEUVRE
     threats = others[minded]
-    if _one_escapes_from_all(manoeuvres, after, paths, robot, threats, RESERVE):
+    if not _is_in_target_set(manoeuvres, robot, threats) and _one_escapes_from_all(
+        manoeuvres, after, paths, robot, threats, RESERVE
+    ):
         return omega, acceleration, PASSED, NO_MANOEUVRE
     best, most = _best_manoeuvre(manoeuvres, robot, threats, step, driven)
     turning, gain = _first_control(manoeuvres, best, robot[2], step)
