@@ -77,13 +77,14 @@ def validate(model: type[Model], data: Mapping[str, Any], source: str, table: st
     except ValidationError as error:
         first = error.errors()[0]
         within = first["loc"][:1] == (table,)
-        key = shown(_key_in_toml(first["loc"][1:] if within else first["loc"]) or "the whole")
+        key = shown(_key_in_toml(first["loc"][1:] if within else first["loc"]))
         if first["type"] == "extra_forbidden":
             known = ", ".join(_fields_at(model, first["loc"][:-1]))
             raise ConfigurationError(f"{source}: unknown key {key!r}; known keys are {known}") from error
         reason = first["msg"].removeprefix("Value error, ")
         given = "" if first["type"] in ("missing", "value_error") else f" = {shown(repr(first['input']))}"
-        raise ConfigurationError(f"{source}: {key}{given}: {reason[:1].lower()}{reason[1:]}") from error
+        at = f"{key}{given}: " if key else ""  # what is wrong of several keys together names them itself
+        raise ConfigurationError(f"{source}: {at}{reason[:1].lower()}{reason[1:]}") from error
 
 
 def _key_in_toml(location: tuple[int | str, ...]) -> str:

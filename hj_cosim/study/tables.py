@@ -109,4 +109,4 @@ def write_parquet(records: Iterable[Mapping[str, Any]], path: Path) -> None:
 
 def read_csv(path: Path) -> pd.DataFrame:
     """Return a table as `write_csv` wrote it; no name is taken for a missing number."""
-    return pd.read_csv(path, keep_default_na=False, na_values=[""])
+    return pd.read_csv(path, keep_default_na=False, na_values=[""]).copy()  # in one piece: pandas makes one a column

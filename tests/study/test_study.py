@@ -1,5 +1,6 @@
 import importlib
 import re
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,7 @@ from hj_cosim.recording.study_files import read_study_file, study_progress
 from hj_cosim.study.folder import StudyFolder
 from hj_cosim.study.local_workers import LocalWorkers
 from hj_cosim.study.study import new_study_folder, read_study, run_study, write_tables
+from hj_cosim.study.tables import read_csv
 
 A_SWEEP = {"scenarios": ("light", "paper"), "episodes": 2, "vary": ("planner.gamma_r=0.8,0.9",), "stacks": ("op-none",)}
 
@@ -321,3 +323,12 @@ def test_new_studies_get_folders_of_their_own(design, monkeypatch, tmp_path):
     assert first == tmp_path / "runs" / "study-paper-0"
     first.mkdir(parents=True)
     assert new_study_folder(design) == tmp_path / "runs" / "study-paper-0-2"
+
+
+def test_a_table_of_many_metrics_is_read_in_one_piece_that_pandas_does_not_warn_of(tmp_path):
+    path = tmp_path / "table.csv"
+    names = [f"metric_{number}" for number in range(150)]
+    path.write_text(",".join(names) + "\n" + ",".join(["1.5"] * len(names)) + "\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert read_csv(path).assign(density=2.0)["density"].item() == 2.0

@@ -160,7 +160,7 @@ def read_study_table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
         if path.stat().st_size > LARGEST_STUDY_TABLE:
             raise RunFolderError(f"{broken} is too large; {LARGEST_STUDY_TABLE / 1e6:g} MB is the most")
         if path.suffix == ".csv":
-            table = pd.read_csv(path, keep_default_na=False, na_values=[""])
+            table = pd.read_csv(path, keep_default_na=False, na_values=[""]).copy()  # one piece, not one a column
         else:
             with pq.ParquetFile(path) as file:
                 if file.metadata.num_rows > MOST_STUDY_ROWS:
