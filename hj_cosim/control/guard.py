@@ -10,6 +10,8 @@ import time
 from collections import Counter
 from dataclasses import replace
 
+import numpy as np
+
 from hj_cosim.control.contract import FilterDecision, PreparedFilter, SafetyFilter
 from hj_cosim.errors import HjCosimError
 from hj_cosim.plugins import failure, require_quick, wrong_answer
@@ -80,7 +82,7 @@ class GuardedFilter:
             self.counts.update(decision.diagnostics)
         if not math.isfinite(omega + acceleration):
             return self._not_judged(observation)
-        control = self._within_limits(decision.control)
+        control = self._within_limits(decision.control, float(observation.robot[3]))
         return decision if control is decision.control else replace(decision, control=control)
 
     def _numbers(self, decision: FilterDecision) -> tuple[float, float]:
@@ -102,31 +104,37 @@ class GuardedFilter:
 
     def _not_judged(self, observation: Observation) -> FilterDecision:
         self.counts[NOT_JUDGED] += 1
-        return FilterDecision(self._brake_in_lane(float(observation.robot[2])))
+        return FilterDecision(self._brake_in_lane(observation.robot))
 
     def _wanted(self, observation: Observation, desired: Control) -> Control:
         """Return the desired control within the limits; braking where it is not finite."""
         if not math.isfinite(desired.omega + desired.acceleration):
             self.counts[DESIRED_NOT_FINITE] += 1
-            return self._brake_in_lane(float(observation.robot[2]))
-        return self._within_limits(desired)
+            return self._brake_in_lane(observation.robot)
+        return self._within_limits(desired, float(observation.robot[3]))
 
-    def _within_limits(self, control: Control) -> Control:
-        """Return the control itself where it is within the limits, so that the common case makes nothing new."""
-        robot = self._robot
+    def _within_limits(self, control: Control, speed: float) -> Control:
+        """Return the control itself where it is within the limits, so that the common case makes nothing new.
+
+        How far the robot may turn at a speed, m/s, is what it can and what its tyres hold.
+        """
+        robot, turning_max = self._robot, self._robot.omega_max
+        if speed * turning_max > robot.lateral_acceleration_max:
+            turning_max = robot.lateral_acceleration_max / speed
         if (
-            -robot.omega_max <= control.omega <= robot.omega_max
+            -turning_max <= control.omega <= turning_max
             and robot.acceleration_min <= control.acceleration <= robot.acceleration_max
         ):
             return control
         return Control(
-            min(max(control.omega, -robot.omega_max), robot.omega_max),
+            min(max(control.omega, -turning_max), turning_max),
             min(max(control.acceleration, robot.acceleration_min), robot.acceleration_max),
         )
 
-    def _brake_in_lane(self, heading: float) -> Control:
+    def _brake_in_lane(self, robot: np.ndarray) -> Control:
+        heading, speed = float(robot[2]), float(robot[3])
         omega = -heading / STRAIGHTENING_TIME if math.isfinite(heading) else 0.0
-        return self._within_limits(Control(omega, self._robot.acceleration_min))
+        return self._within_limits(Control(omega, self._robot.acceleration_min), speed)
 
 
 def _short(value: object) -> str:

@@ -57,12 +57,21 @@ def test_constraints_are_the_cars_in_k_though_rows_begin_above(table, observe) -
     assert decision.control.acceleration < 4.0
 
 
-@pytest.mark.parametrize("kind", ["spc", "rss"])
+@pytest.mark.parametrize("kind", ["spc", "rss", "none"])
 @pytest.mark.parametrize("speed", [5.0, 20.0, 35.0])
-def test_tyres_hold_every_turn_that_a_filter_chooses(table, observe, kind: str, speed: float) -> None:
+def test_tyres_hold_every_turn_whatever_is_asked_and_whoever_filters(table, observe, kind: str, speed: float) -> None:
     robot = RobotSettings(lateral_acceleration_max=3.0)
-    spc = FilterInLoop(FilterSettings(kind=kind, approach=6.0), table, robot)
-    for side in (-1.0, 1.0):
-        seen = observe([0.0, 4.0, -0.1 * side, speed], [[3.0, 4.0 - 3.0 * side, 0.0, speed]])
-        control = spc.filter(seen, Control(0.0, 0.0)).control
+    guarded = FilterInLoop(FilterSettings(kind=kind, approach=6.0), table, robot)
+    scenes = ([[300.0, 4.0, 0.0, speed]], [[3.0, 1.0, 0.0, speed]], [[3.0, 7.0, 0.0, speed]], [[20.0, 4.0, 0.0, 0.0]])
+    for cars, asked in itertools.product(scenes, (-0.3, 0.3)):
+        control = guarded.filter(observe([0.0, 4.0, 0.0, speed], cars), Control(asked, 0.0)).control
         assert abs(control.omega) * speed <= 3.0 + 1e-9
+
+
+@pytest.mark.parametrize("kind", ["spc", "rss"])
+def test_rows_are_met_within_what_tyres_hold(table, observe, kind: str) -> None:
+    robot = RobotSettings(lateral_acceleration_max=3.0)
+    guarded = FilterInLoop(FilterSettings(kind=kind), table, robot)
+    decision = guarded.filter(observe([0.0, 4.0, -0.2, 30.0], [[3.0, 1.0, 0.0, 30.0]]), Control(0.0, 0.0))
+    assert decision.constraints == 1
+    assert decision.available[:2] == pytest.approx([-0.1, 0.1])

@@ -183,3 +183,11 @@ def test_summary_says_that_nothing_had_to_be_answered_by_braking(sumo_run):
     summary = json.loads((folder / "summary.json").read_text())
     assert (summary["not_judged_samples"], summary["desired_not_finite_samples"]) == (0, 0)
     assert summary["solver_failures"] == 0
+
+
+def test_what_the_filter_is_asked_for_changes_no_faster_than_the_jerk_allows(small_table):
+    settings = ("simulation.duration=6", "filter.kind=none", "planner.speed_step=2")
+    eased = drive_in_fake_world([], small_table, *settings, "tracking.jerk_max=8").robot.acceleration_desired
+    at_once = drive_in_fake_world([], small_table, *settings, "tracking.jerk_max=1e6").robot.acceleration_desired
+    assert np.abs(np.diff(eased)).max() <= 8 * 0.02 + 1e-9
+    assert np.abs(np.diff(at_once)).max() > 1.0

@@ -52,7 +52,10 @@ def test_a_mistake_is_named_with_its_file_and_key(tmp_path, text, said):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[robot]\nspeed = 120.0", r": scenario\.robot\.speed \(120 m/s\) must not exceed robot\.speed_max \(40 m/s\)"),
+        (
+            "[robot]\nspeed = 120.0",
+            r"mine\.toml: scenario\.robot\.speed \(120 m/s\) must not exceed robot\.speed_max \(40 m/s\)",
+        ),
         ("[traffic]\ncount = -1", r"mine\.toml: traffic\.count = -1: "),
         ("count = 3", r"mine\.toml: unknown key 'count'; known keys are name, "),
         (
