@@ -29,6 +29,7 @@ from types import ModuleType
 from typing import Any
 
 from hj_cosim.errors import ConfigurationError, HjCosimError, PluginError
+from hj_cosim.locations import code_file, whole_path
 from hj_cosim.settings import Settings, shown, validate
 
 # s; an answer that took longer ends the episode. What has to be compiled can be so in `prepare`, which may take longer.
@@ -89,10 +90,7 @@ def whole_reference(kind: PluginKind, reference: str) -> str:
     place, separator, name = reference.rpartition(":")
     if not place.endswith(".py"):
         return reference
-    try:
-        return f"{Path(place).expanduser().resolve()}{separator}{name}"
-    except (OSError, RuntimeError, ValueError) as error:  # too long, of an unknown user, with a null byte
-        raise ConfigurationError(f"{kind.noun}.kind = {shown(repr(reference))}: no file has such a path") from error
+    return f"{whole_path(place, f'{kind.noun}.kind =')}{separator}{name}"
 
 
 def given(kind: PluginKind, plugin: object) -> str:
@@ -133,7 +131,7 @@ def find_plugin(kind: PluginKind, reference: str) -> object:
             )
         place, _, name = known[reference].rpartition(":")
     if place.endswith(".py"):
-        module = _file_module(Path(place), asked)
+        module = _file_module(code_file(Path(place)), asked)
     else:
         module = _named_module(place, asked)
     found: object = module

@@ -7,7 +7,7 @@ from typing import Any
 import tomli_w
 
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.locations import scenarios_folder
+from hj_cosim.locations import scenarios_folder, whole_name
 from hj_cosim.plugins import FILTER, PLANNER, find_plugin, options_of, whole_reference
 from hj_cosim.settings import (
     PRESETS,
@@ -66,7 +66,7 @@ def resolve_config(
     for source, layer in layers:
         data = overlay(data, layer)
         config = validate(EpisodeConfig, data, source)
-    config = _with_plugins(config)
+    config = _with_plugins(config).model_copy(update={"table": whole_name(config.table, "table =")})
     _require_room(config)
     return config
 

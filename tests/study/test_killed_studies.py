@@ -17,8 +17,10 @@ from hj_cosim.study.local_workers import LocalWorkers
 # A study as a process of its own: its folder, how an episode is driven and what is asked for are arguments.
 A_STUDY = """
 import json, sys
+from dataclasses import replace
 from pathlib import Path
 import synthetic_episodes
+from hj_cosim.reachability.table.store import kept_table
 from hj_cosim.study.folder import StudyFolder
 from hj_cosim.study.local_workers import LocalWorkers
 from hj_cosim.study.request import new_study, resumed_study
@@ -28,9 +30,9 @@ path, way, given = Path(sys.argv[1]), sys.argv[2], json.loads(sys.argv[3])
 resume = (path / "study.toml").is_file()
 folder = StudyFolder.of(path, resumed_study(path, {}) if resume else new_study(given))
 folder.begin({"hj-cosim": "1.0"}, resume=resume)
-tables = dict.fromkeys(folder.tables, path.parent / "table.npz")
+tables = dict.fromkeys(folder.tables, replace(kept_table("highway"), path=path.parent / "table.npz"))
 print("begun", flush=True)
-conduct(folder, LocalWorkers(2), function=getattr(synthetic_episodes, way), table_files=tables)
+conduct(folder, LocalWorkers(2), function=getattr(synthetic_episodes, way), tables=tables)
 """
 
 A_STUDY_OF_TWO_STACKS = {"episodes": 4, "stacks": ["hjop-spc-mi", "op-none"]}
