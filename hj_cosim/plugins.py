@@ -166,7 +166,7 @@ def _named_module(name: str, asked: str) -> ModuleType:
             missing = f"{asked}: there is no module {error.name!r}; is its package installed?"
             raise ConfigurationError(missing) from error
         raise _not_imported(name, asked, error) from error
-    except (Exception, SystemExit) as error:
+    except (Exception, SystemExit) as error:  # a stranger's code may raise anything
         raise _not_imported(name, asked, error) from error
 
 
@@ -192,7 +192,7 @@ def _file_module(path: Path, asked: str) -> ModuleType:
     sys.modules[name] = module  # dataclasses, pickle and Numba's cache look a module up by its name
     try:
         specification.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
+    except (Exception, SystemExit) as error:  # a stranger's code may raise anything
         del sys.modules[name]
         raise _not_imported(str(path), asked, error) from error
     return module
@@ -275,12 +275,16 @@ def construct(kind: PluginKind, plugin: object, offered: Mapping[str, object]) -
         return plugin(**handed)
     except HjCosimError:
         raise
-    except Exception as error:
+    except Exception as error:  # a stranger's code may raise anything
         raise failure(plugin, "__init__", error) from error
 
 
 def failure(plugin: object, method: str, error: Exception) -> PluginError:
-    """Return what to raise where a plug-in's method raised: one sentence with the file and line where it did."""
+    """Return what to raise where a plug-in's method raised: one sentence with the file and line where it did.
+
+    Whoever calls a plug-in catches whatever it raises, for a run that goes on to a sentence or, in a study, to the next
+    episode; it is raised again as this, from the error itself, so that nothing is lost.
+    """
     plugin_class = plugin if isinstance(plugin, type) else type(plugin)
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if frame.filename == _file_of(plugin_class)] or frames
