@@ -159,6 +159,26 @@ def all_cars(parameters):
     return lambda robot, cars, values, gradients, bound: closed(robot, cars, values, gradients, math.inf)
 
 
+def ten_rows(parameters):
+    closed = find_game("highway").closed_rows(parameters)
+
+    def more(*arguments):
+        chosen, rows = closed(*arguments)
+        return chosen, np.resize(rows, (10, rows.shape[1]))
+
+    return more
+
+
+def kept_too_high(parameters):
+    closed = find_game("highway").closed_rows(parameters)
+
+    def higher(*arguments):
+        chosen, rows = closed(*arguments)
+        return chosen, np.vstack([rows[:4], rows[:4] + 1.0])
+
+    return higher
+
+
 def squared_flow(x, u, d, c, out):
     out[:] = 0.0
     out[3] = u[0] ** 2
@@ -220,6 +240,8 @@ BOXES = {
         (highway(target_formula=a_wider_car), r"target_formula is \S+ and target \S+ at p_x"),
         (highway(closed_rows=gentle_cars), r"closed_rows has \S+ in row 3 and the flow gives"),
         (highway(closed_rows=all_cars), "closed_rows of a bound of 0.5 are not those"),
+        (highway(closed_rows=ten_rows), "closed_rows has 10 rows a car; 4 or 8 are right"),
+        (highway(closed_rows=kept_too_high), r"closed_rows has \S+ to be kept instead of V = \S+ at"),
         (highway(**SQUARED), "dv_r/dt is .* has to be affine in the controls"),
     ],
 )  # fmt: skip

@@ -8,7 +8,7 @@ from hj_cosim.reachability.games.contract import TWO_CARS, RowsOfCars
 from hj_cosim.reachability.games.highway.target import TargetFormula, target_and_gradient_at, target_at
 from hj_cosim.scene.observation import Cars
 from hj_cosim.testing.expectations import ContractError, require
-from hj_cosim.testing.game_samples import NODES, GameSamples, Slab, alike, listed, where
+from hj_cosim.testing.game_samples import ABSOLUTE, NODES, GameSamples, Slab, alike, listed, where
 
 
 def check_extras(samples: GameSamples, slab: Slab) -> None:
@@ -138,8 +138,14 @@ def _check_closed_rows(samples: GameSamples, slab: Slab, closed: RowsOfCars) -> 
     unlimited[0, 3:] = 0.0  # cars do not drive backwards
     planes = samples.game.half_planes(samples.parameters, unlimited)(states[near], gradients[near])
     speeds = np.abs(gradients[near]).sum(axis=1) * max(1.0, np.abs(states[:, 3:]).max())
-    for row, node in np.argwhere(~alike(rows[1:], planes, speeds)):
+    require(len(rows) in (4, 8), f"{samples.game.name}: closed_rows has {len(rows)} rows a car; 4 or 8 are right")
+    for row, node in np.argwhere(~alike(rows[1:4], planes, speeds)):
         raise ContractError(
             f"{samples.game.name}: closed_rows has {rows[1 + row, node]:g} in row {1 + row} and the flow gives"
             f" {planes[row, node]:g} {samples.at(states[near].T, node)}, ∇V = {listed(gradients[near][node])}"
+        )
+    for node in where(rows[4] > rows[0] + ABSOLUTE) if len(rows) == 8 else ():
+        raise ContractError(
+            f"{samples.game.name}: closed_rows has {rows[4, node]:g} to be kept instead of V = {rows[0, node]:g}"
+            f" {samples.at(states[near].T, node)}; it has to be nowhere above V"
         )
