@@ -175,5 +175,6 @@ def road_from_json(text: str | bytes) -> StraightRoad:
         return TypeAdapter(StraightRoad).validate_json(text)
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(map(str, first["loc"])) or "the whole"
-        raise ValueError(f"it does not describe a road: {key}: {first['msg']}") from error
+        key = ".".join(map(str, first["loc"]))
+        reason = first["msg"].removeprefix("Value error, ")
+        raise ValueError(f"it does not describe a road: {f'{key}: ' if key else ''}{reason}") from error
