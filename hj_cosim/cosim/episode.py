@@ -176,7 +176,10 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
     """
     require_robot(table, config.robot)
     started = time.perf_counter()
-    with SumoWorld(config.scenario, config.robot, config.seed, config.simulation.step) as world:
+    simulation = config.simulation
+    with SumoWorld(
+        config.scenario, config.robot, config.seed, simulation.step, traffic_step=simulation.traffic_step
+    ) as world:
         world.settle(config.simulation.settle_time)
         planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, table)
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)

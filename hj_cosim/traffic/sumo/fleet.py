@@ -14,6 +14,7 @@ from hj_cosim.scene.road import Road
 from hj_cosim.settings import RobotSettings
 from hj_cosim.traffic.lane_changes import DrivingCars, wanted_lanes
 from hj_cosim.traffic.sources.placement import InitialTraffic
+from hj_cosim.traffic.sumo.between_steps import BetweenSteps, Motion
 from hj_cosim.traffic.sumo.puppet import Placement
 from hj_cosim.traffic.sumo.session import libsumo
 from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
@@ -52,6 +53,17 @@ class FleetArrays(NamedTuple):
         """Return the rows of a mask (J + 1,)."""
         return FleetArrays(*(column[stays] for column in self))
 
+    def motion(self) -> Motion:
+        """Return how the cars move, in arrays that nobody changes."""
+        return Motion(
+            self.x[:-1],
+            self.y[:-1].copy(),
+            self.heading[:-1].copy(),
+            self.speed[:-1],
+            self.acceleration[:-1],
+            self.lane[:-1].copy(),
+        )
+
     def with_car(self, car: "FleetArrays") -> "FleetArrays":
         """Return the rows with one more (of one row) before the robot's."""
         return FleetArrays(
@@ -67,7 +79,14 @@ class Fleet:
     """
 
     def __init__(
-        self, initial: InitialTraffic, names: list[str], robot: RobotSettings, robot_driver: np.ndarray, road: Road
+        self,
+        initial: InitialTraffic,
+        names: list[str],
+        robot: RobotSettings,
+        robot_driver: np.ndarray,
+        road: Road,
+        *,
+        is_seen_between_steps: bool = False,
     ) -> None:
         """Take over cars that SUMO has inserted.
 
@@ -77,7 +96,10 @@ class Fleet:
             robot: its body.
             robot_driver: (6,) what the others' MOBIL takes the robot to be.
             road: the road.
+            is_seen_between_steps: whether the cars are observed between two steps too; SUMO has to be ballistic then.
         """
+        self._is_seen_between_steps = is_seen_between_steps
+        self._latest_step: BetweenSteps | None = None
         for name in names:
             libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE)
         self.vehicle_names = list(names)
@@ -123,23 +145,33 @@ class Fleet:
         unknown = np.full((len(self.vehicle_names) - len(self._known_drivers), len(PARAMETER_NAMES)), math.nan)
         return np.vstack([self._known_drivers, unknown])
 
-    def observe(self, time: float, robot: np.ndarray) -> Observation:
-        """Return what the robot (4,) sees at a time (s)."""
-        rows = self._rows  # what is replaced in every step is handed out as it is, what is changed in place is copied
+    def observe(self, time: float, robot: np.ndarray, robot_acceleration: float, elapsed: float = 0.0) -> Observation:
+        """Return what the robot sees.
+
+        Args:
+            time: s.
+            robot: (4,) its state, in the road frame.
+            robot_acceleration: m/s².
+            elapsed: s since the latest step that was read began, at an instant before its end; 0 at its end.
+        """
+        rows = self._rows
+        between = self._latest_step
+        motion = rows.motion() if between is None or elapsed == 0.0 else between.at(elapsed)
+        cars = slice(len(motion.x))  # those that have entered in the step come last, and are there when it ends
         return Observation(
             time=time,
             robot=robot,
-            robot_acceleration=float(rows.acceleration[-1]),
-            vehicle=rows.number[:-1],
-            x=rows.x[:-1],
-            y=rows.y[:-1].copy(),
-            heading=rows.heading[:-1].copy(),
-            speed=rows.speed[:-1],
-            acceleration=rows.acceleration[:-1],
-            lane=rows.lane[:-1].copy(),
-            target_lane=rows.target_lane[:-1].copy(),
-            length=rows.length[:-1],
-            width=rows.width[:-1],
+            robot_acceleration=robot_acceleration,
+            vehicle=rows.number[cars],
+            x=motion.x,
+            y=motion.y,
+            heading=motion.heading,
+            speed=motion.speed,
+            acceleration=motion.acceleration,
+            lane=motion.lane,
+            target_lane=rows.target_lane[cars].copy(),
+            length=rows.length[cars],
+            width=rows.width[cars],
         )
 
     def request_lane_changes(self, turn: int, mobil: np.ndarray, step: float) -> None:
@@ -160,6 +192,12 @@ class Fleet:
             rows.target_lane[car] = wanted[car]
             self._changing.append(int(car))
 
+    def correct_robot(self, state: np.ndarray, acceleration: float) -> None:
+        """Take over where the robot is, (4,) in the road frame, which was foreseen when the step began; and its m/s²."""
+        rows = self._rows
+        rows.x[-1], rows.y[-1], rows.heading[-1], rows.speed[-1] = state
+        rows.acceleration[-1] = acceleration
+
     def move_robot(self, robot: Placement) -> None:
         """Take over which lanes the robot will be in when the step ends."""
         lane = self._rows.lane, self._rows.target_lane, self._rows.second_lane
@@ -179,13 +217,18 @@ class Fleet:
         """
         if libsumo.simulation.getArrivedNumber():
             self._forget(set(libsumo.simulation.getArrivedIDList()))
+        before = self._rows.motion() if self._is_seen_between_steps else None
         rows = self._rows
         x = np.empty(len(rows.x))
         x[:-1] = np.fromiter(map(libsumo.vehicle.getLanePosition, self._names), float, len(self._names))
         x -= self._front_offset
         x[-1] = robot_state[0]
-        # SUMO moves a car by its new speed times the step, so its way is its speed: one getter a car, not two.
-        speed = (x - rows.x) / step
+        if self._is_seen_between_steps:
+            speed = np.empty(len(x))
+            speed[:-1] = np.fromiter(map(libsumo.vehicle.getSpeed, self._names), float, len(self._names))
+        else:
+            # SUMO moves a car by its new speed times the step, so its way is its speed: one getter a car, not two.
+            speed = (x - rows.x) / step
         speed[-1] = robot_state[3]
         acceleration = (speed - rows.speed) / step
         acceleration[-1] = robot_acceleration
@@ -196,6 +239,8 @@ class Fleet:
         for car in self._not_ours:
             self._follow_change(car)
             self._read_sideways(car)
+        if before is not None:
+            self._latest_step = BetweenSteps(before, self._rows.motion(), step, self._road)
         if libsumo.simulation.getDepartedNumber():
             for name in filter(is_car, libsumo.simulation.getDepartedIDList()):
                 self._admit(name)
