@@ -1,8 +1,8 @@
 """The cars between two steps of SUMO, where the robot's clock is finer than the traffic's.
 
-SUMO integrates ballistically then: a car's acceleration is constant for the whole step, so that where a car is within the
-step is known to rounding, and both its position and its speed are continuous from one step to the next. Sideways SUMO
-moves cars at a constant rate.
+SUMO integrates ballistically then: a car's acceleration is constant for the whole step, so that where it is within the
+step is known to rounding, and its position and its speed are continuous from one step to the next. Sideways SUMO moves
+cars at a constant rate.
 """
 
 from typing import NamedTuple

@@ -193,7 +193,7 @@ class Fleet:
             self._changing.append(int(car))
 
     def correct_robot(self, state: np.ndarray, acceleration: float) -> None:
-        """Take over where the robot is, (4,) in the road frame, which was foreseen when the step began; and its m/s²."""
+        """Take over the robot's state (4,), road frame, which was foreseen when the last step began, and its m/s²."""
         rows = self._rows
         rows.x[-1], rows.y[-1], rows.heading[-1], rows.speed[-1] = state
         rows.acceleration[-1] = acceleration

@@ -75,9 +75,7 @@ class SumoWorld:
             names = self._start(scenario, network, initial, seed)
             self._robot, self._robot_acceleration = initial.robot.copy(), 0.0
             is_finer = self._steps_a_traffic_step > 1  # the robot's clock than SUMO's
-            self._fleet = Fleet(
-                initial, names, robot, self._robot_driver, self.road, is_seen_between_steps=is_finer
-            )
+            self._fleet = Fleet(initial, names, robot, self._robot_driver, self.road, is_seen_between_steps=is_finer)
             self._fleet.take_turns(np.random.default_rng([seed, 2]))
             self._puppet = Puppet(self.road, scenario.network.edge, ROUTE)
             unless_built.pop_all()
@@ -150,7 +148,7 @@ class SumoWorld:
         self._steps += 1
 
     def _foreseen(self, state: np.ndarray, acceleration: float) -> np.ndarray:
-        """Return the robot's state (4,) when SUMO's step ends: it goes on turning and accelerating as in its first one."""
+        """Return the robot's state (4,) when SUMO's step ends if it goes on turning and accelerating as in `state`."""
         later = (self._steps_a_traffic_step - 1) * self._step
         if later == 0.0:
             return state
