@@ -10,14 +10,15 @@ from hj_cosim.errors import SimulationError
 from hj_cosim.files import naming_the_place
 from hj_cosim.scene.observation import Observation
 from hj_cosim.settings import RobotSettings, Scenario
-from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.road_end import require_road
+from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.settling import follow_lane, robot_driver
 from hj_cosim.traffic.sources.placement import InitialTraffic, initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path
 from hj_cosim.traffic.sumo.fleet import DECISION_PERIOD, DECISION_TURNS, Fleet
 from hj_cosim.traffic.sumo.input import ROUTE, RobotVehicle, command_line, write_routes
 from hj_cosim.traffic.sumo.puppet import GHOST, ROBOT, Puppet, placement, without_ghost
+from hj_cosim.traffic.sumo.route_puppet import RoutePuppet
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo, log
 from hj_cosim.vehicles.mobil import mobil_parameters
 
@@ -64,13 +65,13 @@ class SumoWorld:
         with contextlib.ExitStack() as unless_built:
             unless_built.callback(self._session.close)
             network = network_path(scenario.network, scenario_folder)
-            self.road = read_road(network, scenario.network.edge)
+            self.road, self._lanes = read_network(network, scenario.network)
             initial = initial_traffic(scenario, self.road, robot, seed)
             names = self._start(scenario, network, initial, seed)
             self._robot = initial.robot.copy()
-            self._fleet = Fleet(initial, names, robot, self._robot_driver, self.road)
+            self._fleet = Fleet(initial, names, robot, self._robot_driver, self.road, self._lanes)
             self._fleet.take_turns(np.random.default_rng([seed, 2]))
-            self._puppet = Puppet(self.road, scenario.network.edge, ROUTE)
+            self._puppet = self._made_puppet(scenario.network.edge)
             unless_built.pop_all()
 
     def _start(self, scenario: Scenario, network: Path, initial: InitialTraffic, seed: int) -> list[str]:
@@ -81,7 +82,10 @@ class SumoWorld:
         robot = RobotVehicle(ROBOT, self._body.length, self._body.width, self.road.lane_at(y, x), self._robot_driver)
         routes = self._session.folder / "traffic.rou.xml"
         with naming_the_place(routes):
-            write_routes(routes, scenario.network.edge, initial, names, robot)
+            if self._lanes is None:
+                write_routes(routes, scenario.network.edge, initial, names, robot)
+            else:
+                write_routes(routes, self._lanes.route, initial, names, robot, self._lanes.departure)
         warnings, looks = self._session.warnings_file, scenario.traffic.check_collisions
         words = command_line(network, routes, warnings, self._step, seed, looks)
         self._session.start(words, f"scenario {scenario.name} on {network}")
@@ -92,6 +96,11 @@ class SumoWorld:
                 " its log tells why"
             )
         return names
+
+    def _made_puppet(self, edge: str) -> Puppet:
+        if self._lanes is None:
+            return Puppet(self.road, edge, ROUTE)
+        return RoutePuppet(self.road, self._lanes, ROUTE)
 
     @property
     def vehicle_names(self) -> list[str]:
