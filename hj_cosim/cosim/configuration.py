@@ -19,7 +19,7 @@ from hj_cosim.settings import (
     shown,
     validate,
 )
-from hj_cosim.traffic.network import read_road
+from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.placement import initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path, scenario_data, scenario_path
 
@@ -93,7 +93,8 @@ def _require_room(config: EpisodeConfig) -> None:
         NetworkError, ScenarioError: as the world would, which builds the same.
     """
     network = config.scenario.network
-    initial_traffic(config.scenario, read_road(network_path(network), network.edge), config.robot, config.seed)
+    road, _ = read_network(network_path(network), network)
+    initial_traffic(config.scenario, road, config.robot, config.seed)
 
 
 def stack_flags(

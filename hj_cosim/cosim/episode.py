@@ -15,6 +15,7 @@ from hj_cosim.control.problem.safety_problem import FAILED
 from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE, SafetyPreservingFilter
 from hj_cosim.control.tracking import eased, tracking_control
 from hj_cosim.cosim.configuration import config_toml
+from hj_cosim.cosim.motion import moved, yaw_rate
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.errors import DriveEnded, SimulationError
 from hj_cosim.metrics.catalogue import require_declared
@@ -32,7 +33,7 @@ from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target, i
 from hj_cosim.settings import EpisodeConfig
 from hj_cosim.traffic.contract import World
 from hj_cosim.traffic.sumo.world import SumoWorld
-from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
+from hj_cosim.vehicles.bicycle import steering_for
 from hj_cosim.verification.promise_audit import PromiseAudit
 
 Progress = Callable[[int, int], None]  # samples driven, samples in all
@@ -113,15 +114,14 @@ def drive(
         desired = eased(wanted, desired, config.tracking.jerk_max, simulation.step)
         decision = guarded_filter.filter(observation, values, desired)
         omega, acceleration = decision.control.omega, decision.control.acceleration
-        steering = steering_for(omega, float(observation.robot[3]), robot.wheelbase)
+        turning = yaw_rate(observation.robot, omega, world.road)
+        steering = steering_for(turning, float(observation.robot[3]), robot.wheelbase)
         recorder.record(observation, values, plan, desired, decision, steering)
         if simulation.on_collision == "stop" and _collided(observation, config):
             ended = COLLISION
             break
         if sample + 1 < samples:
-            state = bicycle_step(
-                observation.robot, steering, acceleration, robot.wheelbase, robot.speed_max, simulation.step
-            )
+            state = moved(observation.robot, steering, acceleration, world.road, robot, simulation.step)
             try:
                 world.step(state, acceleration)
             except DriveEnded as end:

@@ -30,7 +30,8 @@ from hj_cosim.recording.run_bounds import (
     require_times,
 )
 from hj_cosim.recording.summary_file import TIMING, read_summary, summary_text
-from hj_cosim.scene.road import StraightRoad, road_from_json, road_to_json
+from hj_cosim.scene.road import Road
+from hj_cosim.scene.road_text import road_from_json, road_to_json
 from hj_cosim.settings import EpisodeConfig, read_toml, validate
 from hj_cosim.vehicles.idm import PARAMETER_NAMES
 
@@ -245,7 +246,7 @@ def read_config(folder: Path) -> dict[str, Any]:
     return config.model_dump(mode="json", exclude_none=True)
 
 
-def road_of(schema: pa.Schema) -> StraightRoad:
+def road_of(schema: pa.Schema) -> Road:
     """Return the road that trajectories.parquet carries in its metadata.
 
     Raises:

@@ -55,7 +55,7 @@ class Junctions:
         return None
 
     def _rules_of(self, link: _Link) -> tuple[str, _Rules]:
-        """Return a link's junction, and what that asks; the lane that it knows may be the first or the second inside."""
+        """Return a link's junction, and what that asks; it knows a link by its first lane inside or the next."""
         via = link.via
         while via:
             if via in self.rules:
@@ -91,9 +91,7 @@ def read_junctions(path: Path) -> Junctions:
         if name == "net":
             is_left_handed = attributes.get("lefthand") in ("true", "1")
         elif name == "connection":
-            link = _Link(
-                attributes["from"], attributes["to"], attributes.get("via", ""), attributes.get("tl", "")
-            )
+            link = _Link(attributes["from"], attributes["to"], attributes.get("via", ""), attributes.get("tl", ""))
             links[link.source, link.target].append(link)
         elif name == "junction":
             junction = attributes["id"]

@@ -1,8 +1,8 @@
 """A user's SUMO configuration (.sumocfg), read, and copied without what it would write: their files stay untouched.
 
-SUMO resolves a configuration's paths from its folder, and writes what detectors and edge data collect into the folder of
-the file that names them, whatever the command line says. So SUMO is started with copies, in a folder of ours, of the
-configuration and of those files that would write.
+SUMO resolves a configuration's paths from its folder, and writes what detectors and edge data collect into the folder
+of the file that names them, whatever the command line says. So SUMO is started with copies, in a folder of ours, of
+the configuration and of those files that would write.
 """
 
 import gzip
@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, cast
 from xml.sax import SAXException, handler, make_parser
 from xml.sax.saxutils import XMLFilterBase, XMLGenerator
 from xml.sax.xmlreader import AttributesImpl
@@ -76,9 +76,7 @@ def copy_configuration(path: Path, folder: Path) -> OwnConfiguration:
     """
     given = read_options(path)
     silenced = [f"{name} = {value}" for name, value in given.items() if _WRITES.fullmatch(name)]
-    options = {
-        name: value for name, value in given.items() if not (_WRITES.fullmatch(name) or _TALKS.fullmatch(name))
-    }
+    options = {name: value for name, value in given.items() if not (_WRITES.fullmatch(name) or _TALKS.fullmatch(name))}
     networks = [value for name in NETWORK if (value := options.get(name))]
     if not networks:
         raise ConfigurationError(f'{path} names no network; write <net-file value="....net.xml"/> into its <input>')
@@ -222,7 +220,7 @@ class _Silencer(XMLFilterBase):
 
 
 def _may_write(path: Path) -> bool:
-    """Return whether there is anything in a file that could write, by its bytes; a file that is missing is SUMO's to say."""
+    """Return whether anything in a file could write, by its bytes. That a file is missing is SUMO's to say."""
     last = b""
     try:
         with _opened(path) as file:
@@ -236,7 +234,7 @@ def _may_write(path: Path) -> bool:
 
 
 def _opened(path: Path) -> IO[bytes]:
-    return gzip.open(path) if path.suffix == ".gz" else path.open("rb")
+    return cast(IO[bytes], gzip.open(path) if path.suffix == ".gz" else path.open("rb"))
 
 
 class _NoDoctype(handler.LexicalHandler):
@@ -266,4 +264,6 @@ def _parse(path: Path, receiver: handler.ContentHandler | XMLFilterBase) -> None
         raise ConfigurationError(f"{path} is not XML: {error.getMessage()}") from error
     except (OSError, EOFError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise ConfigurationError(f"cannot read {path}: {reason}; give a .sumocfg with the files that it names") from error
+        raise ConfigurationError(
+            f"cannot read {path}: {reason}; give a .sumocfg with the files that it names"
+        ) from error

@@ -5,6 +5,7 @@ step is known to rounding, and its position and its speed are continuous from on
 cars at a constant rate.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -71,3 +72,20 @@ class BetweenSteps:
             crossing = self._crossing
             lane[crossing] = self._road.nearest_lanes(y[crossing], x[crossing])
         return Motion(x, y, before.heading + share * self._turning, speed, after.acceleration, lane)
+
+
+def foreseen(state: np.ndarray, turn_rate: float, acceleration: float, later: float, road: Road) -> np.ndarray:
+    """Return where the robot will be `later` s from now if it goes on as it does.
+
+    Args:
+        state: (4,) p_x, p_y (m), θ (rad), v (m/s), in the road frame.
+        turn_rate: against the road, rad/s.
+        acceleration: m/s².
+        later: s.
+        road: the frame.
+    """
+    x, y, heading, speed = state.tolist()
+    later_speed = max(speed + acceleration * later, 0.0)
+    way, direction = 0.5 * (speed + later_speed) * later, heading + 0.5 * turn_rate * later
+    along = x + way * math.cos(direction) / road.stretch_at(x, y)
+    return np.array([along, y + way * math.sin(direction), heading + turn_rate * later, later_speed])

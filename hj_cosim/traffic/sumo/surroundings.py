@@ -5,7 +5,7 @@ One context subscription tells all about them in one call, however many there ar
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from traci import constants
@@ -34,6 +34,8 @@ READ = (
     constants.VAR_POSITION3D,
     constants.VAR_ANGLE,
 )
+
+Told = Mapping[int, Any]  # what SUMO says of a vehicle, by READ
 
 
 class _Seen(NamedTuple):
@@ -93,11 +95,13 @@ class Surroundings:
             duration: s, of SUMO's step that has just been made; None at the beginning, when there was none.
         """
         before = self._seen
-        told: Mapping[str, Mapping[int, object]] = libsumo.vehicle.getContextSubscriptionResults(self._robot)
+        told: Mapping[str, Told] = libsumo.vehicle.getContextSubscriptionResults(self._robot)
         here = told.get(self._robot, {}).get(constants.VAR_POSITION3D, (0.0, 0.0, 0.0))
         seen: dict[int, _Seen] = {}
         for name in sorted(set(told).difference(self._not_others)):
             number = self._numbers.get(name)
+            if _is_on_another_level(told[name], here):
+                continue
             one = self._place(told[name], name, None if number is None else before.get(number), robot_along, duration)
             if one is not None:
                 seen[self._number(name) if number is None else number] = one
@@ -169,7 +173,7 @@ class Surroundings:
 
     def _place(
         self,
-        told: Mapping[int, object],
+        told: Told,
         name: str,
         before: _Seen | None,
         robot_along: float,
@@ -178,12 +182,12 @@ class Surroundings:
         """Return where somebody is in the road frame; None if that is neither on the road nor beside it."""
         number = self._numbers.get(name)
         length = self._bodies[number].length if number is not None else libsumo.vehicle.getLength(name)
-        speed = float(told[constants.VAR_SPEED])  # type: ignore[arg-type]
+        speed = float(told[constants.VAR_SPEED])
         place = self._lanes.by_name.get(str(told[constants.VAR_LANE_ID]))
         if place is None:
             return self._beside(told, length, speed, robot_along)
-        x = place.start + place.scale * float(told[constants.VAR_LANEPOSITION]) - 0.5 * length  # type: ignore[arg-type]
-        offset = float(told[constants.VAR_LANEPOSITION_LAT])  # type: ignore[arg-type]
+        x = place.start + place.scale * float(told[constants.VAR_LANEPOSITION]) - 0.5 * length
+        offset = float(told[constants.VAR_LANEPOSITION_LAT])
         lane = place.number
         if abs(offset) < ON_CENTRE_LINE:
             return _Seen(x, self._road.lane_centre(lane, x), 0.0, speed, lane, lane, True)
@@ -194,12 +198,10 @@ class Surroundings:
         target = lane + int(math.copysign(1, offset)) if leaves else lane
         return _Seen(x, y, heading, speed, lane, target, True)
 
-    def _beside(
-        self, told: Mapping[int, object], length: float, speed: float, robot_along: float
-    ) -> _Seen | None:
+    def _beside(self, told: Told, length: float, speed: float, robot_along: float) -> _Seen | None:
         """Return where somebody on another road is, a ramp perhaps; None if that road does not run along ours."""
-        front_x, front_y, _ = told[constants.VAR_POSITION3D]  # type: ignore[misc]
-        direction = math.radians(90.0 - float(told[constants.VAR_ANGLE]))  # type: ignore[arg-type]
+        front_x, front_y, _ = told[constants.VAR_POSITION3D]
+        direction = math.radians(90.0 - float(told[constants.VAR_ANGLE]))
         x = float(front_x) - 0.5 * length * math.cos(direction)
         y = float(front_y) - 0.5 * length * math.sin(direction)
         near = robot_along + self._towards(x, y, robot_along)
@@ -219,3 +221,8 @@ class Surroundings:
         """Return how far along the road a place is from the robot, m, roughly: along the robot's own direction."""
         here_x, here_y, direction = self._road.to_world(robot_along, 0.0, 0.0)
         return (x - here_x) * math.cos(direction) + (y - here_y) * math.sin(direction)
+
+
+def _is_on_another_level(told: Told, here: tuple[float, float, float]) -> bool:
+    x, y, z = told[constants.VAR_POSITION3D]
+    return bool(abs(z - here[2]) > SAME_LEVEL + STEEPEST * math.hypot(x - here[0], y - here[1]))

@@ -1,20 +1,18 @@
 """A user's simulation until the robot takes over: run at its own step, searched for a vehicle, and saved."""
 
-import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from hj_cosim.errors import ScenarioError
+from hj_cosim.errors import ScenarioError, SimulationError
 from hj_cosim.settings import OwnSimulationSettings, shown
 from hj_cosim.traffic.junctions import Junctions
 from hj_cosim.traffic.net_file import CAR_CLASS
 from hj_cosim.traffic.sources.own_configuration import OwnConfiguration
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo
-from hj_cosim.errors import SimulationError
 
 SHORTEST_WAY = 300.0  # m, ahead of a vehicle that is taken over unasked
 FAR_ENOUGH = 0.8  # of the longest way ahead: among these a seed chooses

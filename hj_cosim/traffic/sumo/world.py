@@ -11,14 +11,16 @@ from hj_cosim.errors import SimulationError
 from hj_cosim.files import naming_the_place
 from hj_cosim.scene.observation import Observation
 from hj_cosim.settings import RobotSettings, Scenario
-from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.road_end import require_road
+from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.settling import follow_lane, robot_driver
 from hj_cosim.traffic.sources.placement import InitialTraffic, initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path
+from hj_cosim.traffic.sumo.between_steps import foreseen
 from hj_cosim.traffic.sumo.fleet import DECISION_PERIOD, DECISION_TURNS, Fleet
 from hj_cosim.traffic.sumo.input import ROUTE, RobotVehicle, command_line, write_routes
 from hj_cosim.traffic.sumo.puppet import GHOST, ROBOT, Puppet, placement, without_ghost
+from hj_cosim.traffic.sumo.route_puppet import RoutePuppet
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo, log
 from hj_cosim.vehicles.mobil import mobil_parameters
 
@@ -70,14 +72,16 @@ class SumoWorld:
         with contextlib.ExitStack() as unless_built:
             unless_built.callback(self._session.close)
             network = network_path(scenario.network, scenario_folder)
-            self.road = read_road(network, scenario.network.edge)
+            self.road, self._lanes = read_network(network, scenario.network)
             initial = initial_traffic(scenario, self.road, robot, seed)
             names = self._start(scenario, network, initial, seed)
             self._robot, self._robot_acceleration = initial.robot.copy(), 0.0
             is_finer = self._steps_a_traffic_step > 1  # the robot's clock than SUMO's
-            self._fleet = Fleet(initial, names, robot, self._robot_driver, self.road, is_seen_between_steps=is_finer)
+            self._fleet = Fleet(
+                initial, names, robot, self._robot_driver, self.road, self._lanes, is_seen_between_steps=is_finer
+            )
             self._fleet.take_turns(np.random.default_rng([seed, 2]))
-            self._puppet = Puppet(self.road, scenario.network.edge, ROUTE)
+            self._puppet = self._made_puppet(scenario.network.edge)
             unless_built.pop_all()
 
     def _start(self, scenario: Scenario, network: Path, initial: InitialTraffic, seed: int) -> list[str]:
@@ -88,7 +92,10 @@ class SumoWorld:
         robot = RobotVehicle(ROBOT, self._body.length, self._body.width, self.road.lane_at(y, x), self._robot_driver)
         routes = self._session.folder / "traffic.rou.xml"
         with naming_the_place(routes):
-            write_routes(routes, scenario.network.edge, initial, names, robot)
+            if self._lanes is None:
+                write_routes(routes, scenario.network.edge, initial, names, robot)
+            else:
+                write_routes(routes, self._lanes.route, initial, names, robot, self._lanes.departure)
         warnings, looks = self._session.warnings_file, scenario.traffic.check_collisions
         words = command_line(network, routes, warnings, self._traffic_step, seed, looks)
         if self._steps_a_traffic_step > 1:
@@ -101,6 +108,11 @@ class SumoWorld:
                 " its log tells why"
             )
         return names
+
+    def _made_puppet(self, edge: str) -> Puppet:
+        if self._lanes is None:
+            return Puppet(self.road, edge, ROUTE)
+        return RoutePuppet(self.road, self._lanes, ROUTE)
 
     @property
     def vehicle_names(self) -> list[str]:
@@ -143,22 +155,12 @@ class SumoWorld:
         """
         require_road(self.road, placement(robot_state, self._body, self.road).along, self._time)
         if self._steps % self._steps_a_traffic_step == 0:
-            self._advance_traffic(self._foreseen(robot_state, robot_acceleration), robot_acceleration)
+            later = (self._steps_a_traffic_step - 1) * self._step
+            turn_rate = (float(robot_state[2]) - float(self._robot[2])) / self._step
+            end = foreseen(robot_state, turn_rate, robot_acceleration, later, self.road) if later else robot_state
+            self._advance_traffic(end, robot_acceleration)
         self._robot, self._robot_acceleration = np.array(robot_state), float(robot_acceleration)
         self._steps += 1
-
-    def _foreseen(self, state: np.ndarray, acceleration: float) -> np.ndarray:
-        """Return the robot's state (4,) when SUMO's step ends if it goes on turning and accelerating as in `state`."""
-        later = (self._steps_a_traffic_step - 1) * self._step
-        if later == 0.0:
-            return state
-        x, y, heading, speed = state.tolist()
-        turn_rate = (heading - self._robot[2]) / self._step
-        later_speed = max(speed + acceleration * later, 0.0)
-        way, direction = 0.5 * (speed + later_speed) * later, heading + 0.5 * turn_rate * later
-        return np.array(
-            [x + way * math.cos(direction), y + way * math.sin(direction), heading + turn_rate * later, later_speed]
-        )
 
     def _advance_traffic(self, robot_state: np.ndarray, robot_acceleration: float) -> None:
         """Make a step of SUMO's, with the robot where it will be at the step's end.
