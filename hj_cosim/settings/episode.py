@@ -86,6 +86,13 @@ class EpisodeConfig(Settings):
         return self
 
     @model_validator(mode="after")
+    def _vehicle_is_in_a_simulation(self) -> "EpisodeConfig":
+        own = self.scenario.own
+        if not own.is_given and (own.ego or own.begin is not None):
+            raise ValueError("scenario.own.ego and scenario.own.begin (--ego, --begin) are about a user's own .sumocfg")
+        return self
+
+    @model_validator(mode="after")
     def _robot_can_be_as_fast_as_it_starts(self) -> "EpisodeConfig":
         start, most = self.scenario.robot.speed, self.robot.speed_max
         if start > most:

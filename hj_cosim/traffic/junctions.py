@@ -54,6 +54,14 @@ class Junctions:
                 return f"junction {junction!r}, where others cross on their way to {crossing[0]!r}"
         return None
 
+    def before(self, edge: str) -> str | None:
+        """Return the edge that leads to `edge` by the most lanes as a road does; None if none does."""
+        lanes: dict[str, int] = {}
+        for (source, target), links in self.links.items():
+            if target == edge and not source.startswith(":") and self.obstacle(source, edge) is None:
+                lanes[source] = len(links)
+        return max(sorted(lanes), key=lanes.__getitem__, default=None)
+
     def _rules_of(self, link: _Link) -> tuple[str, _Rules]:
         """Return a link's junction, and what that asks; it knows a link by its first lane inside or the next."""
         via = link.via

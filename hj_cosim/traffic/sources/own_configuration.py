@@ -133,6 +133,16 @@ def read_options(path: Path) -> dict[str, str]:
     return options
 
 
+def own_seed(path: Path) -> int:
+    """Return the seed that a configuration states; 0 if it states none, or none that is a number.
+
+    Raises:
+        ConfigurationError: as read_options.
+    """
+    text = read_options(path).get("seed", "")
+    return int(text) if text.isdecimal() else 0
+
+
 def _absolute(folder: Path, name: str) -> str:
     """Return a file's absolute path if `name` is that of one; anything else as it is."""
     try:

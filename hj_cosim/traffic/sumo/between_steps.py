@@ -27,7 +27,9 @@ class Motion(NamedTuple):
 class BetweenSteps:
     """The motion of J cars from the beginning to the end of one step of SUMO."""
 
-    def __init__(self, before: Motion, after: Motion, duration: float, road: Road) -> None:
+    def __init__(
+        self, before: Motion, after: Motion, duration: float, road: Road, beside: np.ndarray | None = None
+    ) -> None:
         """Take what SUMO says of the two ends.
 
         Where position and speed of the ends belong to no constant acceleration, as on the way from one edge to the
@@ -39,7 +41,9 @@ class BetweenSteps:
             after: at its end, of the same cars.
             duration: of the step, s.
             road: which lane is nearest, while a car crosses from one to another.
+            beside: the indices of those on other roads, which need not run along this one: they advance evenly.
         """
+        self._beside = beside if beside is not None else np.empty(0, dtype=np.int64)
         self._before, self._after, self._duration, self._road = before, after, duration, road
         way = after.x - before.x
         mean_speed = way / duration
@@ -65,6 +69,10 @@ class BetweenSteps:
         quadratic, cubic = self._quadratic * time, self._cubic * time * time
         x = before.x + time * (self._start_speed + quadratic + cubic)
         speed = np.maximum(self._start_speed + 2.0 * quadratic + 3.0 * cubic, 0.0)
+        if len(self._beside):
+            there = self._beside
+            x[there] = before.x[there] + share * (after.x[there] - before.x[there])
+            speed[there] = before.speed[there] + share * (after.speed[there] - before.speed[there])
         y = before.y + share * self._sideways
         lane = after.lane
         if len(self._crossing):

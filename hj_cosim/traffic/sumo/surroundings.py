@@ -114,9 +114,18 @@ class Surroundings:
             for number, one in self._seen.items()
         }
         stayed = [number for number in self._seen if number in before]
+        on_other_roads = [
+            not (before[number].is_on_the_road and self._seen[number].is_on_the_road) for number in stayed
+        ]
         self._between = (
             np.array(stayed, dtype=np.int64),
-            BetweenSteps(self._motion(before, stayed), self._motion(self._seen, stayed), duration, self._road),
+            BetweenSteps(
+                self._motion(before, stayed),
+                self._motion(self._seen, stayed),
+                duration,
+                self._road,
+                np.flatnonzero(on_other_roads),
+            ),
         )
 
     def observe(self, time: float, robot: np.ndarray, robot_acceleration: float, elapsed: float) -> Observation:

@@ -18,7 +18,8 @@ SHORTEST_WAY = 300.0  # m, ahead of a vehicle that is taken over unasked
 FAR_ENOUGH = 0.8  # of the longest way ahead: among these a seed chooses
 SEARCHED_EVERY = 10.0  # s
 LONGEST_SEARCH = 1800.0  # s
-# In seconds: from a vehicle's insertion on, for it starts as its simulation likes.
+BEHIND = 500.0  # m of road behind a vehicle that is taken over, at most with as many edges as
+MOST_EDGES_BEHIND = 50
 _NAMES_SHOWN = 8
 
 
@@ -30,7 +31,9 @@ class TakeOver:
         time: s, of the simulation.
         state: the file that SUMO saved.
         vehicle: whose place it is.
-        edges: its way from there, as far as that is a road.
+        route: its way from there, in SUMO.
+        behind: the edges before, as far as they are a road, on which others come up from behind.
+        edges: the first of its route, as far as they are a road.
         obstacle: what is behind their end; None if the way itself ends there.
         lane: SUMO's name of its lane.
         position: m, of its front bumper along the lane.
@@ -40,6 +43,8 @@ class TakeOver:
     time: float
     state: Path
     vehicle: str
+    route: tuple[str, ...]
+    behind: tuple[str, ...]
     edges: tuple[str, ...]
     obstacle: str | None
     lane: str
@@ -106,19 +111,38 @@ def _search(
         found = _choose(wish.ego, junctions, seed)
         if isinstance(found, _Candidate):
             simulation.saveState(str(state))
-            return TakeOver(
-                float(simulation.getTime()),
-                state,
-                found.vehicle,
-                found.edges,
-                found.obstacle,
-                libsumo.vehicle.getLaneID(found.vehicle),
-                float(libsumo.vehicle.getLanePosition(found.vehicle)),
-                float(libsumo.vehicle.getSpeed(found.vehicle)),
-            )
+            return _taken_over(found, junctions, state)
         if simulation.getTime() >= last or simulation.getMinExpectedNumber() == 0:
             raise ScenarioError(f"{own.path}, {start:g} to {simulation.getTime():g} s: {found}")
         _run_until(min(float(simulation.getTime()) + SEARCHED_EVERY, last))
+
+
+def _taken_over(found: "_Candidate", junctions: Junctions, state: Path) -> TakeOver:
+    vehicle, name = libsumo.vehicle, found.vehicle
+    place, whole = vehicle.getRouteIndex(name), tuple(vehicle.getRoute(name))
+    behind: list[str] = []
+    length, edge = 0.0, found.edges[0]
+    for step in range(1, len(whole) + MOST_EDGES_BEHIND):
+        earlier = whole[place - step] if step <= place else junctions.before(edge)
+        if earlier is None or junctions.obstacle(earlier, edge) or earlier in (*behind, *found.edges):
+            break
+        behind.insert(0, earlier)
+        edge = earlier
+        length += libsumo.lane.getLength(f"{edge}_0")
+        if length > BEHIND:
+            break
+    return TakeOver(
+        time=float(libsumo.simulation.getTime()),
+        state=state,
+        vehicle=name,
+        route=whole[place:],
+        behind=tuple(behind),
+        edges=found.edges,
+        obstacle=found.obstacle,
+        lane=vehicle.getLaneID(name),
+        position=float(vehicle.getLanePosition(name)),
+        speed=float(vehicle.getSpeed(name)),
+    )
 
 
 def _run_until(time: float) -> None:
