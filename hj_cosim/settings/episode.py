@@ -25,7 +25,7 @@ class SimulationSettings(Settings):
     duration: Seconds = Field(30.0, gt=0, le=3600, description="recorded time")
     step: Seconds = Field(0.02, ge=0.001, le=0.1, description="of the robot: its control, its motion, what is recorded")
     traffic_step: Seconds = Field(
-        0.02,
+        0.1,
         ge=0.001,
         le=0.5,
         description="of SUMO, a multiple of simulation.step; cars move continuously within it",

@@ -254,7 +254,9 @@ def _notes(own: OwnConfiguration, taken: TakeOver, traffic_step: float, end: Roa
     ]
     overridden = [f"step-length {own.step:g} -> {traffic_step:g}: cars are where they are seen"]
     overridden += [
-        f"{name} {own.options.get(name, 'unset')} -> {value}: {why}" for name, (value, why) in OVERRIDDEN.items()
+        f"{name} {given} -> {value}: {why}"
+        for name, (value, why) in OVERRIDDEN.items()
+        if (given := own.options.get(name, "unset")) != value
     ]
     notes = {"chosen": chosen, "overridden": overridden, "silenced": list(own.silenced)}
     return tomli_w.dumps(notes, indent=2)

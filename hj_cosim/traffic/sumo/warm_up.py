@@ -86,7 +86,12 @@ def quiet(warnings_file: Path) -> list[str]:
 
 
 def _exactly_saved(seed: int) -> list[str]:
-    return ["--seed", str(seed % 2**31), "--save-state.rng", "true", "--save-state.precision", "16"]
+    """Return the words by which a state is saved to all digits.
+
+    Without SUMO's random numbers: how many were drawn it goes on counting from one simulation of a process to the next,
+    and finds others when it loads them. So they begin anew with the seed.
+    """
+    return ["--seed", str(seed % 2**31), "--save-state.precision", "16"]
 
 
 def resumed(own: OwnConfiguration, taken: TakeOver, seed: int) -> list[str]:
@@ -107,13 +112,16 @@ def _search(
         )
     last = min(own.end, start + LONGEST_SEARCH)
     _run_until(start)
+    refusal = "there is no vehicle"
     while True:
         found = _choose(wish.ego, junctions, seed)
         if isinstance(found, _Candidate):
             simulation.saveState(str(state))
             return _taken_over(found, junctions, state)
+        if found is not None:
+            refusal = found
         if simulation.getTime() >= last or simulation.getMinExpectedNumber() == 0:
-            raise ScenarioError(f"{own.path}, {start:g} to {simulation.getTime():g} s: {found}")
+            raise ScenarioError(f"{own.path}, {start:g} to {simulation.getTime():g} s: {refusal}")
         _run_until(min(float(simulation.getTime()) + SEARCHED_EVERY, last))
 
 
@@ -158,14 +166,23 @@ class _Candidate:
     way: float  # m, ahead
 
 
-def _choose(ego: str, junctions: Junctions, seed: int) -> _Candidate | str:
-    """Return the vehicle to take over, or why there is none now."""
+def _choose(ego: str, junctions: Junctions, seed: int) -> _Candidate | str | None:
+    """Return the vehicle to take over, or why there is none now; None where nobody is there to say anything of."""
     names = libsumo.vehicle.getIDList()
+    if not names:
+        return None
     if ego:
         if ego not in names:
-            return f"vehicle {shown(repr(ego))} has not departed, or is gone; name one that is there ({_some(names)})"
+            return f"vehicle {shown(repr(ego))} has not departed, or is gone; others are there: {_some(names)}"
+        if not _is_car(ego):
+            raise ScenarioError(
+                f"the robot cannot take the place of vehicle {shown(repr(ego))}, which is no passenger car but a"
+                f" {libsumo.vehicle.getVehicleClass(ego)}; name another one with scenario.own.ego (--ego)"
+            )
         found = _candidate(ego, junctions, {})
-        return found if isinstance(found, _Candidate) else f"the robot cannot take vehicle {ego!r} over: {found}"
+        return (
+            found if isinstance(found, _Candidate) else f"the robot cannot take the place of vehicle {ego!r}: {found}"
+        )
     ways: dict[tuple[str, ...], tuple[tuple[str, ...], str | None, float]] = {}
     candidates, refused = [], Counter[str]()
     for name in sorted(names):
@@ -178,7 +195,7 @@ def _choose(ego: str, junctions: Junctions, seed: int) -> _Candidate | str:
             candidates.append(found)
     if not candidates:
         reasons = "; ".join(f"{count} of them: {reason}" for reason, count in refused.most_common(3))
-        return f"the robot can take none of {len(names)} vehicles over{': ' if reasons else ''}{reasons}"
+        return f"the robot can take the place of none of {len(names)} vehicles; {reasons}"
     longest = max(candidate.way for candidate in candidates)
     far = [candidate for candidate in candidates if candidate.way >= FAR_ENOUGH * longest]
     if seed == 0:
@@ -195,7 +212,7 @@ def _candidate(
 ) -> _Candidate | str:
     """Return a vehicle with its way ahead, or why it cannot be taken over; `ways` keeps what was found of routes."""
     vehicle = libsumo.vehicle
-    if vehicle.getVehicleClass(name) != CAR_CLASS:
+    if not _is_car(name):
         return f"no passenger car but a {vehicle.getVehicleClass(name)}"
     edge = vehicle.getRoadID(name)
     if not edge or edge.startswith(":"):
@@ -210,6 +227,10 @@ def _candidate(
         ways[route] = edges, obstacle, length
     edges, obstacle, length = ways[route]
     return _Candidate(name, edges, obstacle, length - float(vehicle.getLanePosition(name)))
+
+
+def _is_car(vehicle: str) -> bool:
+    return bool(libsumo.vehicle.getVehicleClass(vehicle) == CAR_CLASS)
 
 
 def _once(route: tuple[str, ...]) -> tuple[str, ...]:
