@@ -21,7 +21,7 @@ from hj_cosim.settings import (
 )
 from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.placement import initial_traffic
-from hj_cosim.traffic.sources.scenarios import network_path, scenario_data, scenario_path
+from hj_cosim.traffic.sources.scenarios import network_path, own_path, scenario_data, scenario_path
 
 
 def resolve_config(
@@ -63,6 +63,8 @@ def resolve_config(
     # Each layer is checked before the next is laid over it, so that each is named for its own mistakes.
     config = validate(EpisodeConfig, data, source, table="scenario")
     data = overlay(data, {"scenario": {"network": {"file": _network_file(config, folder)}}})
+    if config.scenario.own.is_given:
+        data = overlay(data, {"scenario": {"own": {"file": str(own_path(config.scenario.own.file, folder))}}})
     for source, layer in layers:
         data = overlay(data, layer)
         config = validate(EpisodeConfig, data, source)
@@ -93,6 +95,7 @@ def _require_room(config: EpisodeConfig) -> None:
         NetworkError, ScenarioError: as the world would, which builds the same.
     """
     if config.scenario.own.is_given:
+        own_path(config.scenario.own.file)
         return  # what drives there is found when it runs
     network = config.scenario.network
     road, _ = read_network(network_path(network), network)

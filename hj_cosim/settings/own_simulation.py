@@ -16,7 +16,7 @@ class OwnSimulationSettings(Settings):
         None, ge=0, description="when the robot takes over, in the simulation's own time; after warm_up unless given"
     )
     warm_up: Seconds = Field(300.0, ge=0, le=86400, description="from the simulation's begin on, in its own steps")
-    near: Metres = Field(250.0, ge=50, le=2000, description="the cars within it are observed and recorded")
+    near: Metres = Field(250.0, ge=10, le=2000, description="the cars within it are observed and recorded")
 
     @property
     def is_given(self) -> bool:

@@ -142,6 +142,7 @@ class SumoWorld:
             state, acceleration = follow_lane(
                 self.observe(), self._robot_driver, self.road, self._body.length, self._traffic_step
             )
+            require_road(self.road, placement(state, self._body, self.road).along, self._time)
             self._advance_traffic(state, acceleration)
             self._robot, self._robot_acceleration = state, acceleration
             self._steps += self._steps_a_traffic_step
