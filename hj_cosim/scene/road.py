@@ -77,6 +77,11 @@ class Road(Protocol):
         ...
 
     @property
+    def lap(self) -> float:
+        """After how many m of s a closed road is where it began; 0 of an open one."""
+        ...
+
+    @property
     def is_straight(self) -> bool:
         """Whether the road frame is the world's, turned and moved, so that bodies move alike in both."""
         ...
@@ -158,6 +163,11 @@ class StraightRoad:
     def lane_lines(self, along: float) -> np.ndarray:
         """Return the lateral offsets (lane_count + 1,), m, of the lines beside the lanes, from the right."""
         return (np.arange(self.lane_count + 1) - 0.5) * self.lane_width
+
+    @property
+    def lap(self) -> float:
+        """Return 0."""
+        return 0.0
 
     @property
     def is_straight(self) -> bool:

@@ -47,7 +47,7 @@ class _WrittenRoute(BaseModel):
             raise ValueError("knots of a closed road must end where they begin")
         knots = np.array(self.knots)
         steps = np.hypot(*np.diff(knots, axis=0).T)
-        if steps.min() < 0.5 * steps.max():
+        if not steps.min() > 0.5 * steps.max():
             raise ValueError("knots must be evenly spaced")
         return self
 

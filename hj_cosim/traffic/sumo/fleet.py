@@ -88,7 +88,6 @@ class Fleet:
             lanes: what SUMO calls its lanes, if it is a route.
         """
         self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(lanes)
-        self._lap = lanes.lap if lanes is not None and lanes.laps > 1 else 0.0
         for name in names:
             libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE)
         self.vehicle_names = list(names)
@@ -198,8 +197,8 @@ class Fleet:
         x[:-1], own_speed = self._places.read(self._names, step)
         x -= self._front_offset
         x[-1] = robot_state[0]
-        if self._lap:
-            x = nearest_lap(x, self._lap, float(x[-1]))
+        if self._road.lap:
+            x = nearest_lap(x, self._road.lap, float(x[-1]))
         speed = (x - rows.x) / step if own_speed is None else np.append(own_speed, 0.0)
         speed[-1] = robot_state[3]
         acceleration = (speed - rows.speed) / step

@@ -1,0 +1,47 @@
+"""The robot on a bend, against the equations of the road frame integrated in small steps beside it."""
+
+import math
+
+import numpy as np
+import pytest
+from bent_roads import WIDTH, circle
+
+from hj_cosim.cosim.motion import moved, yaw_rate
+from hj_cosim.scene.road import StraightRoad
+from hj_cosim.settings import RobotSettings
+from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
+
+
+@pytest.mark.parametrize("radius", [400.0, -400.0])
+def test_the_robot_moves_as_the_equations_of_the_road_frame_say(radius):
+    """ds/dt = v cosθ/(1 − κ d), dd/dt = v sinθ, dθ/dt = ω, integrated in steps of 0.1 ms beside it."""
+    road, robot = circle(radius), RobotSettings()
+    state = np.array([100.0, 3.0, 0.04, 30.0])
+    expected = state.copy()
+    for step in range(100):
+        omega = 0.05 * math.cos(0.1 * step)
+        steering = steering_for(yaw_rate(state, omega, road), float(state[3]), robot.wheelbase)
+        state = moved(state, steering, -0.5, road, robot, 0.02)
+        for _ in range(200):
+            _, d, theta, v = expected
+            forward = v * math.cos(theta) / (1.0 - (d - 2 * WIDTH) / radius)
+            expected = expected + 1e-4 * np.array([forward, v * math.sin(theta), omega, -0.5])
+    # Within a step the wheels are held, the road's turning is not.
+    assert np.all(np.abs(state - expected) < [1e-3, 1e-3, 1e-4, 1e-9])
+
+
+def test_a_robot_told_not_to_turn_goes_round_the_bend_with_the_road():
+    road, robot = circle(300.0), RobotSettings()
+    state = np.array([50.0, 3.5, 0.0, 25.0])
+    for _ in range(500):
+        steering = steering_for(yaw_rate(state, 0.0, road), float(state[3]), robot.wheelbase)
+        state = moved(state, steering, 0.0, road, robot, 0.02)
+    assert state[1:3] == pytest.approx((3.5, 0.0), abs=1e-3)
+    assert state[0] == pytest.approx(50.0 + 250.0 / (1.0 + 3.5 / 300.0), abs=0.01)
+
+
+def test_on_a_straight_road_the_frame_changes_nothing():
+    road, robot, state = StraightRoad(4, heading=0.7), RobotSettings(), np.array([10.0, 4.0, 0.02, 25.0])
+    assert yaw_rate(state, 0.03, road) == 0.03
+    expected = bicycle_step(state, 0.01, 1.0, robot.wheelbase, robot.speed_max, 0.02)
+    assert moved(state, 0.01, 1.0, road, robot, 0.02).tolist() == expected.tolist()
