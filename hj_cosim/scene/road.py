@@ -86,6 +86,11 @@ class Road(Protocol):
         """Whether the road frame is the world's, turned and moved, so that bodies move alike in both."""
         ...
 
+    @property
+    def sharpest(self) -> float:
+        """The largest curvature of any lane's centre line in the world, 1/m."""
+        ...
+
     def stretch_at(self, along: float, lateral: float) -> float:
         """Return how many metres of the world a metre of s is at d: ds/dt = v cosθ over this. 1 on a straight road."""
         ...
@@ -173,6 +178,11 @@ class StraightRoad:
     def is_straight(self) -> bool:
         """True."""
         return True
+
+    @property
+    def sharpest(self) -> float:
+        """Return 0."""
+        return 0.0
 
     def stretch_at(self, along: float, lateral: float) -> float:
         """Return 1."""

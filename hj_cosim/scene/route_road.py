@@ -101,6 +101,17 @@ def _into_world(
     return x, y, direction
 
 
+@njit(cache=True)
+def _sharpest(along: np.ndarray, offset: np.ndarray, spacing: float, lap: float, coefficients: np.ndarray) -> float:
+    """Return the largest |curvature|, 1/m, at places (N,), m, on lanes `offset` (2, N) m to the left of the curve."""
+    most = 0.0
+    for i in range(len(along)):
+        for side in range(2):
+            bend, stretch = bend_and_stretch(along[i], offset[side, i], spacing, lap, coefficients)
+            most = max(most, abs(bend) / stretch)
+    return most
+
+
 @dataclass(frozen=True, eq=False)
 class RouteRoad:
     """A chain of edges as one road; see Road.
@@ -137,9 +148,12 @@ class RouteRoad:
 
     @cached_property
     def sharpest(self) -> float:
-        """The largest |dheading/ds| of the reference lane, 1/m, of places a metre apart."""
+        """The largest curvature of any lane's centre line, 1/m, looked for every metre."""
         along = np.arange(0.0, self.lap or self.length, 1.0)
-        return max(abs(self.curvature_at(float(each))) for each in along)
+        section = self._sections(along)
+        outermost = np.stack([self.first_lane[section], self.first_lane[section] + self.lanes_there[section] - 1])
+        offset = outermost * self.lane_width - self._reference
+        return float(_sharpest(along, offset, self._spacing, self.lap, self._coefficients))
 
     def _section(self, along: float) -> int:
         if self.lap:

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from bent_roads import WIDTH, circle
 
-from hj_cosim.cosim.motion import moved, yaw_rate
+from hj_cosim.cosim.configuration import resolve_config
+from hj_cosim.cosim.motion import moved, require_bends, yaw_rate
+from hj_cosim.errors import NetworkError
 from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import RobotSettings
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
@@ -45,3 +47,22 @@ def test_on_a_straight_road_the_frame_changes_nothing():
     assert yaw_rate(state, 0.03, road) == 0.03
     expected = bicycle_step(state, 0.01, 1.0, robot.wheelbase, robot.speed_max, 0.02)
     assert moved(state, 0.01, 1.0, road, robot, 0.02).tolist() == expected.tolist()
+
+
+def test_a_road_may_bend_as_far_as_the_table_leaves_room_and_no_further():
+    road = circle(-400.0)
+    inner = 400.0 - 7.0  # the centre of the lane that is nearest to the middle of the circle
+    assert 1.0 / road.sharpest == pytest.approx(inner, rel=1e-3)
+    fits = {"bend_rate_max": 40.0 / inner + 2e-3, "bend_acceleration_max": 1600.0 / inner + 0.02}
+    require_bends(road, RobotSettings(**fits), "the road")
+    for key, value in (("bend_rate_max", 40.0 / inner - 2e-3), ("bend_acceleration_max", 1600.0 / inner - 0.02)):
+        with pytest.raises(NetworkError, match="the road has a bend of radius 393 m: at robot.speed_max = 40 m/s"):
+            require_bends(road, RobotSettings(**(fits | {key: value})), "the road")
+    slower = RobotSettings(bend_rate_max=0.05, bend_acceleration_max=4.0, speed_max=0.05 * inner - 0.1)
+    require_bends(road, slower, "the road")
+    require_bends(StraightRoad(4), RobotSettings(bend_rate_max=0.0, bend_acceleration_max=0.0), "the road")
+
+
+def test_a_drive_on_a_road_too_sharp_for_the_table_is_refused_before_it_begins():
+    with pytest.raises(NetworkError, match=r"curves\.net\.xml has a bend of radius .* 0.08 rad/s .*another route"):
+        resolve_config("curves", assignments=["robot.bend_rate_max=0.08"])
