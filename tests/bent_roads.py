@@ -18,6 +18,7 @@ def road_through(knots: np.ndarray, length: float, **changed: object) -> RouteRo
         "section_start": np.array([0.0]),
         "first_lane": np.array([0]),
         "lanes_there": np.array([3]),
+        "leading_off": np.array([0]),
     }
     return RouteRoad(**(parts | changed))
 

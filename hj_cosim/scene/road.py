@@ -103,6 +103,17 @@ class Road(Protocol):
         """Return the s (m) at which a lane ends that exists at s; inf where it does not end on this road."""
         ...
 
+    def leads_off(self, lane: int, along: float) -> bool:
+        """Return whether a lane that ends goes on beside this road, as an exit does, rather than being closed."""
+        ...
+
+    def lasting_lanes(self, along: np.ndarray, ahead: float) -> np.ndarray:
+        """Return the first and the last (J, 2) of the lanes that exist all the way from s (J,) to `ahead` m beyond.
+
+        Where there is none, the first exceeds the last.
+        """
+        ...
+
     def to_world(
         self, along: Coordinate, lateral: Coordinate, heading: Coordinate
     ) -> tuple[Coordinate, Coordinate, Coordinate]:
@@ -195,6 +206,16 @@ class StraightRoad:
     def lane_end(self, lane: int, along: float) -> float:
         """Return inf: lanes end where the road does."""
         return math.inf
+
+    def leads_off(self, lane: int, along: float) -> bool:
+        """Return False."""
+        return False
+
+    def lasting_lanes(self, along: np.ndarray, ahead: float) -> np.ndarray:
+        """Return the first and the last lane (J, 2), the same everywhere."""
+        lanes = np.zeros((len(along), 2), np.int64)
+        lanes[:, 1] = self.lane_count - 1
+        return lanes
 
     def heading_at(self, along: float) -> float:
         """Return the road's heading in the world, rad: the same everywhere."""

@@ -128,6 +128,7 @@ class RouteRoad:
     section_start: np.ndarray = field(repr=False)  # (S,) m, where the lanes change, ascending, the first 0
     first_lane: np.ndarray = field(repr=False)  # (S,) int, the right-most lane from there on
     lanes_there: np.ndarray = field(repr=False)  # (S,) int, how many there are
+    leading_off: np.ndarray = field(repr=False)  # (S,) int, bit sets of the lanes that leave the road at its end
     lap: float = 0.0  # m, of one lap of a closed road; 0 of an open one
 
     @cached_property
@@ -170,17 +171,39 @@ class RouteRoad:
         first = int(self.first_lane[section])
         return range(first, first + int(self.lanes_there[section]))
 
-    def lane_end(self, lane: int, along: float) -> float:
-        """Return the s (m) at which a lane ends that exists at s; inf where it does not end on this road."""
-        if self.lap and (self.lanes_there == self.lanes_there[0]).all():
-            return math.inf
+    def _last_section(self, lane: int, along: float) -> int:
+        """Return the last section in a row in which a lane exists that exists at s; -1 where it does not end."""
         section = self._section(along)
-        laps = math.floor(along / self.lap) * self.lap if self.lap else 0.0
         for later in range(section + 1, len(self.section_start)):
             first = int(self.first_lane[later])
             if not first <= lane < first + int(self.lanes_there[later]):
-                return laps + float(self.section_start[later])
-        return math.inf
+                return later - 1
+        return -1
+
+    def lane_end(self, lane: int, along: float) -> float:
+        """Return the s (m) at which a lane ends that exists at s; inf where it does not end on this road, or lap."""
+        last = self._last_section(lane, along)
+        if last < 0:
+            return math.inf
+        laps = math.floor(along / self.lap) * self.lap if self.lap else 0.0
+        return laps + float(self.section_start[last + 1])
+
+    def leads_off(self, lane: int, along: float) -> bool:
+        """Return whether a lane that exists at s goes on beside this road where it ends on it; see Road."""
+        last = self._last_section(lane, along)
+        return last >= 0 and bool(int(self.leading_off[last]) >> lane & 1)
+
+    def lasting_lanes(self, along: np.ndarray, ahead: float) -> np.ndarray:
+        """Return the first and the last lane (J, 2) that exist from s (J,) to `ahead` m beyond; see Road."""
+        section = self._sections(along)
+        first, stop = self.first_lane[section], self.first_lane[section] + self.lanes_there[section]
+        within = along % self.lap if self.lap else along
+        for start, lowest, there in zip(self.section_start, self.first_lane, self.lanes_there, strict=True):
+            for begins in (start, start + self.lap) if self.lap else (start,):
+                is_reached = (begins > within) & (begins <= within + ahead)
+                first = np.where(is_reached, np.maximum(first, lowest), first)
+                stop = np.where(is_reached, np.minimum(stop, lowest + there), stop)
+        return np.column_stack([first, stop - 1])
 
     def lane_centre(self, lane: int, along: float) -> float:
         """Return the lateral offset of a lane's centre line, m."""

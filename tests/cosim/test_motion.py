@@ -56,7 +56,7 @@ def test_a_road_may_bend_as_far_as_the_table_leaves_room_and_no_further():
     fits = {"bend_rate_max": 40.0 / inner + 2e-3, "bend_acceleration_max": 1600.0 / inner + 0.02}
     require_bends(road, RobotSettings(**fits), "the road")
     for key, value in (("bend_rate_max", 40.0 / inner - 2e-3), ("bend_acceleration_max", 1600.0 / inner - 0.02)):
-        with pytest.raises(NetworkError, match="the road has a bend of radius 393 m: at robot.speed_max = 40 m/s"):
+        with pytest.raises(NetworkError, match=r"the road has a bend of radius 393 m: at robot\.speed_max = 40 m/s"):
             require_bends(road, RobotSettings(**(fits | {key: value})), "the road")
     slower = RobotSettings(bend_rate_max=0.05, bend_acceleration_max=4.0, speed_max=0.05 * inner - 0.1)
     require_bends(road, slower, "the road")

@@ -97,6 +97,12 @@ def scenario_template() -> str:
         "# x = 40.0  # m ahead of the robot, from centre to centre; negative behind it",
         "# speed = 22.0",
         "# desired_speed = 22.0  # drawn like any driver's when left out",
+        "",
+        "# Cars that come during the drive, where the road is a route: repeat the table.",
+        "# [[streams]]",
+        '# from_edge = "e0"',
+        '# to_edge = "e1"',
+        "# flow = 900.0  # cars/h",
     ]
     return "\n".join(lines) + "\n"
 

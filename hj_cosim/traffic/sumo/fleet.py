@@ -25,6 +25,11 @@ from hj_cosim.vehicles.idm import PARAMETER_NAMES
 # requests are treated.
 ONLY_REQUESTED_IF_SAFE = 256
 
+# Where lanes end, SUMO's own changes out of them stay on: without them a car would stand at the end for good.
+STRATEGIC = 1
+# m; nobody wants a lane that ends within this, for SUMO would have it leave again at once.
+LASTING = 1500.0
+
 DECISION_PERIOD = 1.0  # s between two lane-change decisions of a car
 DECISION_TURNS = 10  # a tenth of the cars decides every tenth of the period
 NEVER_ITS_TURN = -1  # of who decides elsewhere: the robot, and cars that are not ours
@@ -87,9 +92,10 @@ class Fleet:
             road: the road.
             lanes: what SUMO calls its lanes, if it is a route.
         """
-        self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(lanes)
+        self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(road, lanes)
+        self._lanes_end = lanes is not None and lanes.differ
         for name in names:
-            libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE)
+            libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE + STRATEGIC * self._lanes_end)
         self.vehicle_names = list(names)
         self._road = road
         self._known_drivers = initial.drivers
@@ -114,6 +120,8 @@ class Fleet:
             )
         )
         self._changing: list[int] = []  # rows of ours that were told to change lanes and are not done
+        self._ending: list[int] = []  # rows of ours in lanes that end, out of which SUMO may take them
+        self._elsewhere: list[str] = []  # vehicles in SUMO that are not to be seen from the road
         self._not_ours: list[int] = []  # rows of cars that SUMO, or a user's simulation, drives and inserts
         self._order = np.argsort(self._rows.x, kind="stable")
 
@@ -164,7 +172,11 @@ class Fleet:
         deciding = rows.turn == turn % DECISION_TURNS
         deciding[self._changing] = False
         cars = DrivingCars(rows.x, rows.speed, rows.lane, rows.second_lane, rows.length, rows.driver)
-        wanted = wanted_lanes(self._order, deciding, cars, mobil, self._road.lane_count)
+        usable = self._road.lasting_lanes(rows.x, LASTING)
+        if self._lanes_end:
+            is_ending = (rows.lane < usable[:, 0]) | (rows.lane > usable[:, 1])
+            self._ending = np.flatnonzero(is_ending & (rows.turn != NEVER_ITS_TURN)).tolist()
+        wanted = wanted_lanes(self._order, deciding, cars, mobil, usable)
         for car in np.flatnonzero(wanted != rows.lane):
             index = self._places.index(self._names[car], int(wanted[car]))
             if index is None:
@@ -191,7 +203,9 @@ class Fleet:
             is_car: whether a vehicle of SUMO's is a car to be observed.
         """
         if libsumo.simulation.getArrivedNumber():
-            self._forget(set(libsumo.simulation.getArrivedIDList()))
+            arrived = set(libsumo.simulation.getArrivedIDList())
+            self._elsewhere = [name for name in self._elsewhere if name not in arrived]
+            self._forget(arrived)
         rows = self._rows
         x = np.empty(len(rows.x))
         x[:-1], own_speed = self._places.read(self._names, step)
@@ -205,13 +219,20 @@ class Fleet:
         acceleration[-1] = robot_acceleration
         rows.y[-1], rows.heading[-1] = robot_state[1], robot_state[2]
         self._rows = rows._replace(x=x, speed=speed, acceleration=acceleration)
+        if own_speed is not None and np.isnan(x).any():
+            self._lose(np.flatnonzero(np.isnan(x)).tolist())
+        self._follow_those_in_ending_lanes()
         if self._changing:
             self._changing = [car for car in self._changing if self._read_sideways(car, step)]
         for car in self._not_ours:
             self._follow_change(car)
             self._read_sideways(car, step)
         if libsumo.simulation.getDepartedNumber():
-            for name in filter(is_car, libsumo.simulation.getDepartedIDList()):
+            self._elsewhere += filter(is_car, libsumo.simulation.getDepartedIDList())
+        if self._elsewhere:
+            coming = [name for name in self._elsewhere if self._places.knows(name)]
+            self._elsewhere = [name for name in self._elsewhere if name not in coming]
+            for name in coming:
                 self._admit(name, step)
 
     def is_beside_robot(self) -> bool:
@@ -233,10 +254,10 @@ class Fleet:
         offset = libsumo.vehicle.getLateralLanePosition(name)
         rows.lane[car] = lane
         if abs(offset) < ON_CENTRE_LINE:
-            rows.y[car], rows.heading[car] = road.lane_centre(lane, along), 0.0
+            rows.y[car], rows.heading[car] = self._places.centre(name, lane, along), 0.0
             rows.target_lane[car] = rows.second_lane[car] = lane
             return False
-        before, rows.y[car] = rows.y[car], road.lane_centre(lane, along) + offset
+        before, rows.y[car] = rows.y[car], self._places.centre(name, lane, along) + offset
         sideways = float(rows.y[car] - before) / step
         rows.heading[car] = self._places.heading(name, along, sideways, float(rows.speed[car]))
         # SUMO has it in both lanes from the beginning, and frees the old one once its body has left it.
@@ -253,6 +274,22 @@ class Fleet:
         leaves = rows.lane[car] == lane and abs(offset) > abs(before)
         rows.target_lane[car] = lane + int(np.sign(offset)) if leaves else lane
 
+    def _follow_those_in_ending_lanes(self) -> None:
+        """Notice which of ours SUMO has begun to take out of a lane that ends, and where to."""
+        for car in self._ending:
+            if car in self._changing:
+                continue
+            offset = libsumo.vehicle.getLateralLanePosition(self._names[car])
+            if abs(offset) >= ON_CENTRE_LINE or self._places.lane(self._names[car]) != self._rows.lane[car]:
+                self._follow_change(car)
+                self._changing.append(car)
+
+    def _lose(self, cars: list[int]) -> None:
+        """Drop the rows of cars that have gone where they cannot be seen from the road; they may come back."""
+        lost = [self._names[car] for car in cars]
+        self._elsewhere += lost
+        self._forget(lost)
+
     def _admit(self, name: str, step: float) -> None:
         """Add a row for a car that has entered after the beginning; a name that comes back has its number again."""
         if name not in self.vehicle_names:
@@ -267,7 +304,7 @@ class Fleet:
             "speed": vehicle.getSpeed(name),
             "width": vehicle.getWidth(name),
         }
-        one |= {"lane": lane, "target_lane": lane, "second_lane": lane, "y": self._road.lane_centre(lane, x)}
+        one |= {"lane": lane, "target_lane": lane, "second_lane": lane, "y": self._places.centre(name, lane, x)}
         columns = {key: np.array([value]) for key, value in one.items()}
         self._set_rows(rows.with_car(FleetArrays(driver=_estimated_driver(name)[np.newaxis], **columns)))
         self._not_ours.append(len(self._names))
@@ -277,10 +314,11 @@ class Fleet:
         self._read_sideways(robot - 1, step)
 
     def _forget(self, arrived: Collection[str]) -> None:
-        """Drop the rows of cars that have reached the end of the road."""
+        """Drop the rows of cars that have reached the end of the road, or are out of sight."""
         stays = np.array([*(name not in arrived for name in self._names), True])
         renumbered = np.cumsum(stays) - 1
         self._changing = [int(renumbered[car]) for car in self._changing if stays[car]]
+        self._ending = [int(renumbered[car]) for car in self._ending if stays[car]]
         self._not_ours = [int(renumbered[car]) for car in self._not_ours if stays[car]]
         self._names = [name for name in self._names if name not in arrived]
         self._order = renumbered[self._order[stays[self._order]]]

@@ -15,6 +15,7 @@ from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.settling import follow_lane, robot_driver
 from hj_cosim.traffic.sources.placement import InitialTraffic, initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path
+from hj_cosim.traffic.sources.streams import drawn_streams
 from hj_cosim.traffic.sumo.fleet import DECISION_PERIOD, DECISION_TURNS, Fleet
 from hj_cosim.traffic.sumo.input import ROUTE, RobotVehicle, command_line, write_routes
 from hj_cosim.traffic.sumo.puppet import GHOST, ROBOT, Puppet, placement, without_ghost
@@ -85,7 +86,8 @@ class SumoWorld:
             if self._lanes is None:
                 write_routes(routes, scenario.network.edge, initial, names, robot)
             else:
-                write_routes(routes, self._lanes.route, initial, names, robot, self._lanes.departure)
+                streams = drawn_streams(scenario, seed)
+                write_routes(routes, self._lanes.route, initial, names, robot, self._lanes.departure, streams)
         warnings, looks = self._session.warnings_file, scenario.traffic.check_collisions
         words = command_line(network, routes, warnings, self._step, seed, looks)
         self._session.start(words, f"scenario {scenario.name} on {network}")
