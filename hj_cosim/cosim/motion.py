@@ -14,9 +14,12 @@ import math
 import numpy as np
 
 from hj_cosim.errors import NetworkError
+from hj_cosim.scene.observation import Target
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import RobotSettings
 from hj_cosim.vehicles.bicycle import bicycle_step
+
+LEAVE_BEFORE = 4.0  # s before a lane ends, a robot that was to stay in it is told to leave it
 
 
 def yaw_rate(state: np.ndarray, omega: float, road: Road) -> float:
@@ -53,6 +56,20 @@ def moved(
         world, steering, acceleration, robot.wheelbase, robot.speed_max, step
     ).tolist()
     return np.array([*road.from_world(x, y, direction, along), speed])
+
+
+def in_existing_lane(target: Target, state: np.ndarray, road: Road) -> Target:
+    """Return the target itself, or the nearest lane in its place where its own does not exist, or ends in a moment.
+
+    Args:
+        target: of a planner, which may know nothing of lanes that end.
+        state: (4,) p_x, p_y (m), θ (rad), v (m/s) in the road frame.
+        road: the lanes.
+    """
+    first, last = road.lasting_lanes(state[:1], float(state[3]) * LEAVE_BEFORE)[0].tolist()
+    if first <= target.lane <= last or first > last:
+        return target
+    return Target(min(max(target.lane, first), last), target.speed)
 
 
 def require_bends(road: Road, robot: RobotSettings, where: str) -> None:

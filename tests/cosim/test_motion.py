@@ -7,8 +7,9 @@ import pytest
 from bent_roads import WIDTH, circle
 
 from hj_cosim.cosim.configuration import resolve_config
-from hj_cosim.cosim.motion import moved, require_bends, yaw_rate
+from hj_cosim.cosim.motion import in_existing_lane, moved, require_bends, yaw_rate
 from hj_cosim.errors import NetworkError
+from hj_cosim.scene.observation import Target
 from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import RobotSettings
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
@@ -66,3 +67,11 @@ def test_a_road_may_bend_as_far_as_the_table_leaves_room_and_no_further():
 def test_a_drive_on_a_road_too_sharp_for_the_table_is_refused_before_it_begins():
     with pytest.raises(NetworkError, match=r"curves\.net\.xml has a bend of radius .* 0.08 rad/s .*another route"):
         resolve_config("curves", assignments=["robot.bend_rate_max=0.08"])
+
+
+def test_a_target_in_a_lane_that_is_not_there_or_ends_in_a_moment_becomes_the_nearest_lane():
+    parts = {"section_start": np.array([0.0, 600.0]), "first_lane": np.array([0, 1])}
+    road = circle(1000.0, **parts, lanes_there=np.array([3, 1]), leading_off=np.array([0, 0]))
+    for s, lane, followed in [(400.0, 0, 0), (520.0, 0, 1), (520.0, 2, 1), (520.0, 1, 1), (700.0, 0, 1), (700.0, 2, 1)]:
+        state = np.array([s, lane * WIDTH, 0.0, 25.0])
+        assert in_existing_lane(Target(lane, 22.0), state, road) == Target(followed, 22.0)

@@ -61,6 +61,7 @@ CHANGING = {
     "section_start": np.array([0.0, 300.0, 600.0]),
     "first_lane": np.array([1, 0, 1]),
     "lanes_there": np.array([3, 4, 2]),
+    "leading_off": np.array([0, 0b0001, 0]),
 }
 
 
@@ -71,6 +72,8 @@ def test_lanes_begin_and_end_and_keep_their_numbers():
     ]  # fmt: skip
     assert [road.lane_end(lane, 400.0) for lane in range(4)] == [600.0, math.inf, math.inf, 600.0]
     assert road.lane_end(3, 10.0) == 600.0
+    assert [road.leads_off(lane, 400.0) for lane in range(4)] == [True, False, False, False]
+    assert not road.leads_off(1, 10.0)
     assert [road.lane_at(0.0, at) for at in (100.0, 400.0, 700.0)] == [1, 0, 1]
     assert [road.lane_at(10.5, at) for at in (100.0, 400.0, 700.0)] == [3, 3, 2]
     both = road.nearest_lanes(np.array([0.0, 0.0, 10.5]), np.array([100.0, 400.0, 700.0]))
@@ -78,6 +81,16 @@ def test_lanes_begin_and_end_and_keep_their_numbers():
     assert list(road.lanes_overlapped(1.6, 2.0, 100.0)) == [1]
     assert list(road.lanes_overlapped(1.6, 2.0, 400.0)) == [0, 1]
     assert road.lane_lines(700.0).tolist() == [1.75, 5.25, 8.75]
+
+
+@pytest.mark.parametrize("ahead", [0.0, 50.0, 150.0, 400.0])
+def test_the_lanes_that_last_are_those_that_exist_at_every_place_on_the_way(ahead):
+    road = circle(1000.0, **CHANGING)
+    along = np.linspace(0.0, 900.0, 46)
+    found = road.lasting_lanes(along, ahead)
+    for s, (first, last) in zip(along, found, strict=True):
+        everywhere = set(range(4)).intersection(*(road.lanes_at(at) for at in np.linspace(s, s + ahead, 200)))
+        assert set(range(first, last + 1)) == everywhere
 
 
 def test_a_closed_road_goes_on_and_on():
@@ -107,6 +120,7 @@ def test_a_route_survives_being_written_and_what_is_none_is_refused():
         ("section_start", [0.0, 600.0, 300.0]),
         ("section_start", [10.0, 300.0, 600.0]),
         ("lanes_there", [3, 4]),
+        ("leading_off", [0, 0]),
         ("lane_count", 3),
         ("lane_width", 0.0),
         ("knots", [[0.0, None]] * 9),
