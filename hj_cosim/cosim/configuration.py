@@ -6,6 +6,7 @@ from typing import Any
 
 import tomli_w
 
+from hj_cosim.cosim.motion import require_bends
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import scenarios_folder
 from hj_cosim.plugins import FILTER, PLANNER, find_plugin, options_of, whole_reference
@@ -98,7 +99,9 @@ def _require_room(config: EpisodeConfig) -> None:
         own_path(config.scenario.own.file)
         return  # what drives there is found when it runs
     network = config.scenario.network
-    road, _ = read_network(network_path(network), network)
+    path = network_path(network)
+    road, _ = read_network(path, network)
+    require_bends(road, config.robot, str(path))
     initial_traffic(config.scenario, road, config.robot, config.seed)
 
 

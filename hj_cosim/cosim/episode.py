@@ -15,7 +15,7 @@ from hj_cosim.control.problem.safety_problem import FAILED
 from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE, SafetyPreservingFilter
 from hj_cosim.control.tracking import eased, tracking_control
 from hj_cosim.cosim.configuration import config_toml
-from hj_cosim.cosim.motion import moved, yaw_rate
+from hj_cosim.cosim.motion import in_existing_lane, moved, yaw_rate
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.errors import DriveEnded, SimulationError
 from hj_cosim.metrics.catalogue import require_declared
@@ -112,7 +112,8 @@ def drive(
                 target = plan.target
             if progress is not None:
                 progress(sample, samples)
-        wanted = tracking_control(observation.robot, target, world.road, config.tracking, robot)
+        followed = target if world.road.is_straight else in_existing_lane(target, observation.robot, world.road)
+        wanted = tracking_control(observation.robot, followed, world.road, config.tracking, robot)
         desired = eased(wanted, desired, config.tracking.jerk_max, simulation.step)
         decision = guarded_filter.filter(observation, values, desired)
         omega, acceleration = decision.control.omega, decision.control.acceleration
@@ -172,7 +173,8 @@ def open_world(config: EpisodeConfig) -> SumoWorld | OwnWorld:
     """
     scenario, robot, seed, simulation = config.scenario, config.robot, config.seed, config.simulation
     if scenario.own.is_given:
-        return OwnWorld(scenario, robot, seed, simulation.step, simulation.traffic_step)
+        fastest = config.planner.speed_high
+        return OwnWorld(scenario, robot, seed, simulation.step, simulation.traffic_step, fastest)
     return SumoWorld(scenario, robot, seed, simulation.step, traffic_step=simulation.traffic_step)
 
 

@@ -73,6 +73,8 @@ class ActionModel(NamedTuple):
     speed_floor: float  # m/s
     speed_high: float  # m/s
     expansions: int  # the budget
+    lowest_lane: int  # that the robot may plan for
+    highest_lane: int
 
 
 class PlannedState(NamedTuple):
@@ -143,7 +145,9 @@ def search(
         for action in range(ACTION_COUNT):
             lane = nodes[node].planned_lane + LANE_CHANGE[action]
             speed = nodes[node].planned_speed + SPEED_CHANGE[action] * actions.speed_step
-            if not (0 <= lane < prediction.lane_count and actions.speed_floor <= speed <= actions.speed_high):
+            if not actions.lowest_lane <= lane <= actions.highest_lane:
+                continue
+            if not actions.speed_floor <= speed <= actions.speed_high:
                 continue
             if not may_change_lane(LANE_CHANGE[action], off_centre, prediction.lane_width):
                 continue

@@ -5,7 +5,6 @@ IDM is SUMO's, MOBIL ours. A car between two lanes is read completely; of the ot
 
 import math
 from collections.abc import Callable, Collection
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from hj_cosim.settings import RobotSettings
 from hj_cosim.traffic.lane_changes import DrivingCars, wanted_lanes
 from hj_cosim.traffic.sources.placement import InitialTraffic
 from hj_cosim.traffic.sumo.between_steps import BetweenSteps, Motion
+from hj_cosim.traffic.sumo.fleet_rows import FleetArrays
 from hj_cosim.traffic.sumo.places import EdgePlaces, Places, RoutePlaces, nearest_lap
 from hj_cosim.traffic.sumo.puppet import Placement
 from hj_cosim.traffic.sumo.session import libsumo
@@ -26,51 +26,17 @@ from hj_cosim.vehicles.idm import PARAMETER_NAMES
 # requests are treated.
 ONLY_REQUESTED_IF_SAFE = 256
 
+# Where lanes end, SUMO's own changes out of them stay on: without them a car would stand at the end for good.
+STRATEGIC = 1
+# m; nobody wants a lane that ends within this, for SUMO would have it leave again at once.
+LASTING = 1500.0
+
 DECISION_PERIOD = 1.0  # s between two lane-change decisions of a car
 DECISION_TURNS = 10  # a tenth of the cars decides every tenth of the period
 NEVER_ITS_TURN = -1  # of who decides elsewhere: the robot, and cars that are not ours
 # Nearer than this to a lane's centre line (m), a car is not between lanes; a step of a change moves it 0.03 m.
 ON_CENTRE_LINE = 1e-3
 USUAL_EXPONENT = 4.0  # IDM's, which SUMO has no getter for
-
-
-class FleetArrays(NamedTuple):
-    """The J cars on the road, a row each, and in a last row the robot, which the others take for one of them."""
-
-    number: np.ndarray  # (J + 1,) int, as World has it; the robot's means nothing
-    turn: np.ndarray  # (J + 1,) int, when it decides, or NEVER_ITS_TURN
-    x: np.ndarray  # (J + 1,) m, like all positions of its centre
-    y: np.ndarray  # (J + 1,) m
-    heading: np.ndarray  # (J + 1,) rad
-    speed: np.ndarray  # (J + 1,) m/s
-    acceleration: np.ndarray  # (J + 1,) m/s²
-    lane: np.ndarray  # (J + 1,) int
-    target_lane: np.ndarray  # (J + 1,) int, where a change in progress leads
-    second_lane: np.ndarray  # (J + 1,) int, the other lane that it is in meanwhile
-    length: np.ndarray  # (J + 1,) m
-    width: np.ndarray  # (J + 1,) m
-    driver: np.ndarray  # (J + 1, 6) IDM parameters; an estimate where the car is not ours
-
-    def only(self, stays: np.ndarray) -> "FleetArrays":
-        """Return the rows of a mask (J + 1,)."""
-        return FleetArrays(*(column[stays] for column in self))
-
-    def motion(self) -> Motion:
-        """Return how the cars move, in arrays that nobody changes."""
-        return Motion(
-            self.x[:-1],
-            self.y[:-1].copy(),
-            self.heading[:-1].copy(),
-            self.speed[:-1],
-            self.acceleration[:-1],
-            self.lane[:-1].copy(),
-        )
-
-    def with_car(self, car: "FleetArrays") -> "FleetArrays":
-        """Return the rows with one more (of one row) before the robot's."""
-        return FleetArrays(
-            *(np.concatenate([column[:-1], new, column[-1:]]) for column, new in zip(self, car, strict=True))
-        )
 
 
 class Fleet:
@@ -102,12 +68,12 @@ class Fleet:
             lanes: what SUMO calls its lanes, if it is a route.
             is_seen_between_steps: whether the cars are observed between two steps too; SUMO has to be ballistic then.
         """
-        self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(lanes)
-        self._lap = lanes.lap if lanes is not None and lanes.laps > 1 else 0.0
+        self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(road, lanes)
+        self._lanes_end = lanes is not None and lanes.differ
         self._is_seen_between_steps = is_seen_between_steps
         self._latest_step: BetweenSteps | None = None
         for name in names:
-            libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE)
+            libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE + STRATEGIC * self._lanes_end)
         self.vehicle_names = list(names)
         self._road = road
         self._known_drivers = initial.drivers
@@ -132,6 +98,8 @@ class Fleet:
             )
         )
         self._changing: list[int] = []  # rows of ours that were told to change lanes and are not done
+        self._ending: list[int] = []  # rows of ours in lanes that end, out of which SUMO may take them
+        self._elsewhere: list[str] = []  # vehicles in SUMO that are not to be seen from the road
         self._not_ours: list[int] = []  # rows of cars that SUMO, or a user's simulation, drives and inserts
         self._order = np.argsort(self._rows.x, kind="stable")
 
@@ -192,7 +160,11 @@ class Fleet:
         deciding = rows.turn == turn % DECISION_TURNS
         deciding[self._changing] = False
         cars = DrivingCars(rows.x, rows.speed, rows.lane, rows.second_lane, rows.length, rows.driver)
-        wanted = wanted_lanes(self._order, deciding, cars, mobil, self._road.lane_count)
+        usable = self._road.lasting_lanes(rows.x, LASTING)
+        if self._lanes_end:
+            is_ending = (rows.lane < usable[:, 0]) | (rows.lane > usable[:, 1])
+            self._ending = np.flatnonzero(is_ending & (rows.turn != NEVER_ITS_TURN)).tolist()
+        wanted = wanted_lanes(self._order, deciding, cars, mobil, usable)
         for car in np.flatnonzero(wanted != rows.lane):
             index = self._places.index(self._names[car], int(wanted[car]))
             if index is None:
@@ -225,15 +197,17 @@ class Fleet:
             is_car: whether a vehicle of SUMO's is a car to be observed.
         """
         if libsumo.simulation.getArrivedNumber():
-            self._forget(set(libsumo.simulation.getArrivedIDList()))
-        before = self._rows.motion() if self._is_seen_between_steps else None
+            arrived = set(libsumo.simulation.getArrivedIDList())
+            self._elsewhere = [name for name in self._elsewhere if name not in arrived]
+            self._forget(arrived)
         rows = self._rows
+        before = (rows.number[:-1], rows.motion()) if self._is_seen_between_steps else None
         x = np.empty(len(rows.x))
         x[:-1], own_speed = self._places.read(self._names, step)
         x -= self._front_offset
         x[-1] = robot_state[0]
-        if self._lap:
-            x = nearest_lap(x, self._lap, float(x[-1]))
+        if self._road.lap:
+            x = nearest_lap(x, self._road.lap, float(x[-1]))
         if own_speed is not None:
             speed = np.append(own_speed, 0.0)
         elif self._is_seen_between_steps:
@@ -246,22 +220,33 @@ class Fleet:
         acceleration[-1] = robot_acceleration
         rows.y[-1], rows.heading[-1] = robot_state[1], robot_state[2]
         self._rows = rows._replace(x=x, speed=speed, acceleration=acceleration)
+        if own_speed is not None and np.isnan(x).any():
+            self._lose(np.flatnonzero(np.isnan(x)).tolist())
+        self._follow_those_in_ending_lanes()
         if self._changing:
             self._changing = [car for car in self._changing if self._read_sideways(car, step)]
         for car in self._not_ours:
             self._follow_change(car)
             self._read_sideways(car, step)
         if before is not None:
-            self._latest_step = self._between(before, step)
+            self._latest_step = self._between(*before, step)
         if libsumo.simulation.getDepartedNumber():
-            for name in filter(is_car, libsumo.simulation.getDepartedIDList()):
+            self._elsewhere += filter(is_car, libsumo.simulation.getDepartedIDList())
+        if self._elsewhere:
+            coming = [name for name in self._elsewhere if self._places.knows(name)]
+            self._elsewhere = [name for name in self._elsewhere if name not in coming]
+            for name in coming:
                 self._admit(name, step)
 
-    def _between(self, before: Motion, step: float) -> BetweenSteps:
-        """Return how the cars moved in the step that has just been read."""
+    def _between(self, numbers: np.ndarray, before: Motion, step: float) -> BetweenSteps:
+        """Return how the cars that are still there moved in the step that has just been read; theirs were `numbers`."""
         after = self._rows.motion()
-        if self._lap:  # whoever is half a lap away from the robot changes to the other side of it
-            before = before._replace(x=before.x + self._lap * np.round((after.x - before.x) / self._lap))
+        if len(after.x) < len(before.x):
+            stays = np.isin(numbers, self._rows.number[:-1])
+            before = Motion(*(column[stays] for column in before))
+        lap = self._road.lap
+        if lap:  # whoever is half a lap away from the robot changes to the other side of it
+            before = before._replace(x=before.x + lap * np.round((after.x - before.x) / lap))
         return BetweenSteps(before, after, step, self._road)
 
     def is_beside_robot(self) -> bool:
@@ -283,10 +268,10 @@ class Fleet:
         offset = libsumo.vehicle.getLateralLanePosition(name)
         rows.lane[car] = lane
         if abs(offset) < ON_CENTRE_LINE:
-            rows.y[car], rows.heading[car] = road.lane_centre(lane, along), 0.0
+            rows.y[car], rows.heading[car] = self._places.centre(name, lane, along), 0.0
             rows.target_lane[car] = rows.second_lane[car] = lane
             return False
-        before, rows.y[car] = rows.y[car], road.lane_centre(lane, along) + offset
+        before, rows.y[car] = rows.y[car], self._places.centre(name, lane, along) + offset
         sideways = float(rows.y[car] - before) / step
         rows.heading[car] = self._places.heading(name, along, sideways, float(rows.speed[car]))
         # SUMO has it in both lanes from the beginning, and frees the old one once its body has left it.
@@ -303,6 +288,22 @@ class Fleet:
         leaves = rows.lane[car] == lane and abs(offset) > abs(before)
         rows.target_lane[car] = lane + int(np.sign(offset)) if leaves else lane
 
+    def _follow_those_in_ending_lanes(self) -> None:
+        """Notice which of ours SUMO has begun to take out of a lane that ends, and where to."""
+        for car in self._ending:
+            if car in self._changing:
+                continue
+            offset = libsumo.vehicle.getLateralLanePosition(self._names[car])
+            if abs(offset) >= ON_CENTRE_LINE or self._places.lane(self._names[car]) != self._rows.lane[car]:
+                self._follow_change(car)
+                self._changing.append(car)
+
+    def _lose(self, cars: list[int]) -> None:
+        """Drop the rows of cars that have gone where they cannot be seen from the road; they may come back."""
+        lost = [self._names[car] for car in cars]
+        self._elsewhere += lost
+        self._forget(lost)
+
     def _admit(self, name: str, step: float) -> None:
         """Add a row for a car that has entered after the beginning; a name that comes back has its number again."""
         if name not in self.vehicle_names:
@@ -317,7 +318,7 @@ class Fleet:
             "speed": vehicle.getSpeed(name),
             "width": vehicle.getWidth(name),
         }
-        one |= {"lane": lane, "target_lane": lane, "second_lane": lane, "y": self._road.lane_centre(lane, x)}
+        one |= {"lane": lane, "target_lane": lane, "second_lane": lane, "y": self._places.centre(name, lane, x)}
         columns = {key: np.array([value]) for key, value in one.items()}
         self._set_rows(rows.with_car(FleetArrays(driver=_estimated_driver(name)[np.newaxis], **columns)))
         self._not_ours.append(len(self._names))
@@ -327,10 +328,11 @@ class Fleet:
         self._read_sideways(robot - 1, step)
 
     def _forget(self, arrived: Collection[str]) -> None:
-        """Drop the rows of cars that have reached the end of the road."""
+        """Drop the rows of cars that have reached the end of the road, or are out of sight."""
         stays = np.array([*(name not in arrived for name in self._names), True])
         renumbered = np.cumsum(stays) - 1
         self._changing = [int(renumbered[car]) for car in self._changing if stays[car]]
+        self._ending = [int(renumbered[car]) for car in self._ending if stays[car]]
         self._not_ours = [int(renumbered[car]) for car in self._not_ours if stays[car]]
         self._names = [name for name in self._names if name not in arrived]
         self._order = renumbered[self._order[stays[self._order]]]

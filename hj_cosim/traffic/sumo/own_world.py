@@ -1,6 +1,7 @@
 """A user's own simulation as a World: their network, traffic and drivers, with the robot in one vehicle's place."""
 
 import contextlib
+import math
 from pathlib import Path
 from typing import Self
 
@@ -22,9 +23,11 @@ from hj_cosim.traffic.sumo.route_puppet import RoutePuppet
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo, log
 from hj_cosim.traffic.sumo.surroundings import Surroundings
 from hj_cosim.traffic.sumo.warm_up import TakeOver, quiet, resumed, warm_up
-from hj_cosim.traffic.sumo_lanes import SumoLanes
+from hj_cosim.traffic.sumo_lanes import LanePlace, SumoLanes
 
 ROUTE = "robot's route"
+BENDS_LOOKED_AT = 2.0  # m of s
+LEAST_ROAD = 100.0  # m, before a bend that is too sharp
 # What the robot's vehicle is, whatever the default type of the user's is changed to.
 USUAL_TYPE = "DEFAULT_VEHTYPE"
 ANY_LANE = "ignoring"  # a vehicle class that SUMO sees on every lane
@@ -47,7 +50,15 @@ class OwnWorld:
         told: TOML, what was chosen, overridden and silenced.
     """
 
-    def __init__(self, scenario: Scenario, robot: RobotSettings, seed: int, step: float, traffic_step: float) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        robot: RobotSettings,
+        seed: int,
+        step: float,
+        traffic_step: float,
+        fastest: float | None = None,
+    ) -> None:
         """Warm the simulation up, and put the robot into a vehicle's place.
 
         Args:
@@ -56,6 +67,8 @@ class OwnWorld:
             seed: of SUMO, and of the choice of the vehicle.
             step: s, the robot's.
             traffic_step: s, SUMO's while the robot drives; a multiple of the robot's.
+            fastest: m/s, that is planned, for which the road's bends must not be too sharp; the robot's limit unless
+                given.
 
         Raises:
             ConfigurationError: if the configuration or a file of it cannot be read.
@@ -74,12 +87,15 @@ class OwnWorld:
             unless_built.callback(self._close_session)
             own = copy_configuration(Path(scenario.own.file), folder)
             taken = warm_up(own, scenario.own, read_junctions(own.network), seed, folder)
-            self.road, lanes, self._end = _road_of(own, taken)
+            self.road, lanes, end = _road_of(own, taken)
+            place = _place_of(taken, lanes)
+            start = place.start + place.scale * taken.position - robot.length
+            self._end = _before_sharp_bends(self.road, robot, min(fastest or math.inf, robot.speed_max), start, end)
             self._resume(own, taken, seed)
-            self._robot, self._robot_acceleration = self._take_over(taken, lanes), 0.0
+            self._robot, self._robot_acceleration = self._take_over(taken, place), 0.0
             self._puppet = RoutePuppet(self.road, lanes, ROUTE)
             self._surroundings = Surroundings(ROBOT, GHOST, self.road, lanes, scenario.own.near)
-            self._surroundings.read(float(self._robot[0]))
+            self._surroundings.read()
             self.told = _notes(own, taken, self._traffic_step, self._end)
             self._at_the_end = unless_built.pop_all()
 
@@ -91,14 +107,8 @@ class OwnWorld:
             words += [f"--{name}", value]
         self._session.start(words, f"{own.path} from {taken.time:g} s on", inserts=False)
 
-    def _take_over(self, taken: TakeOver, lanes: SumoLanes) -> np.ndarray:
+    def _take_over(self, taken: TakeOver, place: LanePlace) -> np.ndarray:
         """Put the robot into the vehicle's place, at once and at its speed, and return its state (4,)."""
-        place = lanes.by_name.get(taken.lane)
-        if place is None:
-            raise ScenarioError(
-                f"vehicle {taken.vehicle!r} is in lane {taken.lane!r}, which its road leaves; name another one with"
-                " scenario.own.ego (--ego)"
-            )
         for kind, names in (("vehicle", libsumo.vehicle.getIDList()), ("type", libsumo.vehicletype.getIDList())):
             if {ROBOT, GHOST} & set(names):
                 raise ScenarioError(f"the simulation has a {kind} called {ROBOT!r} or {GHOST!r}; rename it")
@@ -161,7 +171,7 @@ class OwnWorld:
             self._puppet.place(robot, is_beside)
             self._session.step()
             self._puppet.after_step(float(robot_state[3]))
-            self._surroundings.read(float(robot_state[0]), self._traffic_step)
+            self._surroundings.read(self._traffic_step)
         except SUMO_ERRORS as error:
             raise SimulationError(f"SUMO failed at {self._time:.2f} s: {' '.join(str(error).split())}") from error
 
@@ -223,6 +233,37 @@ def _road_of(own: OwnConfiguration, taken: TakeOver) -> tuple[Road, SumoLanes, R
         raise failure
     log.info("the road ends early: %s", failure)
     return (*best, _end_of(best[0], taken.obstacle if enough == len(taken.edges) else "road"))
+
+
+def _place_of(taken: TakeOver, lanes: SumoLanes) -> LanePlace:
+    place = lanes.by_name.get(taken.lane)
+    if place is None or place.beside is not None:
+        raise ScenarioError(
+            f"vehicle {taken.vehicle!r} is in lane {taken.lane!r}, which its road leaves; name another one with"
+            " scenario.own.ego (--ego)"
+        )
+    return place
+
+
+def _before_sharp_bends(road: Road, robot: RobotSettings, fastest: float, start: float, end: RoadEnd) -> RoadEnd:
+    """Return the road's end, or the place before it where a bend takes more than the robot keeps for bends.
+
+    Raises:
+        NetworkError: if that is where the robot starts.
+    """
+    sharpest = min(robot.bend_rate_max / fastest, robot.bend_acceleration_max / fastest**2)
+    along = np.arange(max(start, 0.0), end.along, BENDS_LOOKED_AT)
+    sharp = np.flatnonzero([abs(road.curvature_at(float(place))) > sharpest for place in along])
+    if not len(sharp):
+        return end
+    where, radius = float(along[sharp[0]]), 1.0 / abs(road.curvature_at(float(along[sharp[0]])))
+    needed = (
+        f"a bend of radius {radius:.0f} m, and {1.0 / sharpest:.0f} m is what the robot keeps for bends"
+        f" (robot.bend_rate_max, robot.bend_acceleration_max) at {fastest:g} m/s"
+    )
+    if where - start < LEAST_ROAD:
+        raise NetworkError(f"where the robot takes over there is {needed}; name another vehicle with --ego")
+    return RoadEnd(where, "bend that is too sharp", f"there is {needed}; lower robot.speed_max")
 
 
 def _end_of(road: Road, obstacle: str | None) -> RoadEnd:

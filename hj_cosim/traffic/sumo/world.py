@@ -16,6 +16,7 @@ from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.settling import follow_lane, robot_driver
 from hj_cosim.traffic.sources.placement import InitialTraffic, initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path
+from hj_cosim.traffic.sources.streams import drawn_streams
 from hj_cosim.traffic.sumo.between_steps import foreseen
 from hj_cosim.traffic.sumo.fleet import DECISION_PERIOD, DECISION_TURNS, Fleet
 from hj_cosim.traffic.sumo.input import ROUTE, RobotVehicle, command_line, write_routes
@@ -95,7 +96,8 @@ class SumoWorld:
             if self._lanes is None:
                 write_routes(routes, scenario.network.edge, initial, names, robot)
             else:
-                write_routes(routes, self._lanes.route, initial, names, robot, self._lanes.departure)
+                streams = drawn_streams(scenario, seed)
+                write_routes(routes, self._lanes.route, initial, names, robot, self._lanes.departure, streams)
         warnings, looks = self._session.warnings_file, scenario.traffic.check_collisions
         words = command_line(network, routes, warnings, self._traffic_step, seed, looks)
         if self._steps_a_traffic_step > 1:
