@@ -203,7 +203,8 @@ def run_in_sumo(
         if announce is not None and isinstance(world, OwnWorld):
             announce(world.told)
         world.settle(config.simulation.settle_time)
-        planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, table)
+        drivers = world.predicted if isinstance(world, OwnWorld) else config.scenario.drivers
+        planner = make_planner(config.planner, config.robot, drivers, world.road, table)
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
         audit = PromiseAudit(table.arrays, promises=isinstance(safety_filter, SafetyPreservingFilter))
         driven = drive(world, planner, safety_filter, table, config, audit, progress)

@@ -226,3 +226,17 @@ def test_the_same_seed_gives_the_same_drive(tmp_path):
 def test_a_vehicle_that_is_named_is_taken_over_as_soon_as_it_is_there(tmp_path):
     with open_own(simulation(tmp_path), ego="cars.20", warm_up=300.0) as world:
         assert "takes over cars.20 at 60" in world.told
+
+
+def test_the_planner_is_told_what_is_known_of_those_near_by_their_types(tmp_path):
+    with open_own(simulation(tmp_path), ego="cars.4", begin=30.0, near=400.0) as world:
+        near = [world.vehicle_names[number] for number in world.observe().vehicle]
+        lorries = sum(name.startswith("lorries") for name in near)
+        assert 0 < lorries < len(near)
+        share = lorries / len(near)
+        driver = world.predicted
+        assert driver.minimum_gap.mean == pytest.approx(2.5)  # SUMO's, of both types
+        assert driver.max_acceleration.mean == pytest.approx(share * 1.3 + (1.0 - share) * 2.6)
+        assert driver.desired_speed.mean == pytest.approx(share * 23.0 + (1.0 - share) * 33.0, abs=1.5)
+        assert driver.max_acceleration.deviation == 0.0
+        assert "the planner predicts the others as MOBIL and IDM drivers with desired_speed" in world.told

@@ -15,6 +15,7 @@ from hj_cosim.traffic.lane_changes import DrivingCars, wanted_lanes
 from hj_cosim.traffic.sources.placement import InitialTraffic
 from hj_cosim.traffic.sumo.between_steps import BetweenSteps, Motion
 from hj_cosim.traffic.sumo.fleet_rows import FleetArrays
+from hj_cosim.traffic.sumo.known_drivers import estimated_driver
 from hj_cosim.traffic.sumo.places import EdgePlaces, Places, RoutePlaces, nearest_lap
 from hj_cosim.traffic.sumo.puppet import Placement
 from hj_cosim.traffic.sumo.session import libsumo
@@ -36,7 +37,6 @@ DECISION_TURNS = 10  # a tenth of the cars decides every tenth of the period
 NEVER_ITS_TURN = -1  # of who decides elsewhere: the robot, and cars that are not ours
 # Nearer than this to a lane's centre line (m), a car is not between lanes; a step of a change moves it 0.03 m.
 ON_CENTRE_LINE = 1e-3
-USUAL_EXPONENT = 4.0  # IDM's, which SUMO has no getter for
 
 
 class Fleet:
@@ -320,7 +320,7 @@ class Fleet:
         }
         one |= {"lane": lane, "target_lane": lane, "second_lane": lane, "y": self._places.centre(name, lane, x)}
         columns = {key: np.array([value]) for key, value in one.items()}
-        self._set_rows(rows.with_car(FleetArrays(driver=_estimated_driver(name)[np.newaxis], **columns)))
+        self._set_rows(rows.with_car(FleetArrays(driver=estimated_driver(name)[np.newaxis], **columns)))
         self._not_ours.append(len(self._names))
         self._names.append(name)
         robot = len(self._names)  # its row has moved down by one
@@ -337,11 +337,3 @@ class Fleet:
         self._names = [name for name in self._names if name not in arrived]
         self._order = renumbered[self._order[stays[self._order]]]
         self._set_rows(self._rows.only(stays))
-
-
-def _estimated_driver(name: str) -> np.ndarray:
-    """Return what IDM's parameters (6,) are of a vehicle of SUMO's, as far as its own car-following model has them."""
-    vehicle = libsumo.vehicle
-    desired_speed = min(vehicle.getMaxSpeed(name), vehicle.getAllowedSpeed(name))
-    getters = (vehicle.getAccel, vehicle.getDecel, vehicle.getTau, vehicle.getMinGap)
-    return np.array([desired_speed, *(getter(name) for getter in getters), USUAL_EXPONENT])

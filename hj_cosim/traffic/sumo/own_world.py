@@ -12,18 +12,20 @@ from hj_cosim.errors import NetworkError, ScenarioError, SimulationError
 from hj_cosim.files import temporary_folder
 from hj_cosim.scene.observation import Observation
 from hj_cosim.scene.road import Road
-from hj_cosim.settings import NetworkSettings, RobotSettings, Scenario
+from hj_cosim.settings import DriverSettings, NetworkSettings, RobotSettings, Scenario
 from hj_cosim.traffic.junctions import read_junctions
 from hj_cosim.traffic.road_end import RoadEnd
 from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.own_configuration import OwnConfiguration, copy_configuration
 from hj_cosim.traffic.sumo.between_steps import foreseen
+from hj_cosim.traffic.sumo.known_drivers import typical_driver
 from hj_cosim.traffic.sumo.puppet import GHOST, ROBOT, placement, without_ghost
 from hj_cosim.traffic.sumo.route_puppet import RoutePuppet
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo, log
 from hj_cosim.traffic.sumo.surroundings import Surroundings
 from hj_cosim.traffic.sumo.warm_up import TakeOver, quiet, resumed, warm_up
 from hj_cosim.traffic.sumo_lanes import LanePlace, SumoLanes
+from hj_cosim.vehicles.idm import PARAMETER_NAMES, mean_driver
 
 ROUTE = "robot's route"
 BENDS_LOOKED_AT = 2.0  # m of s
@@ -47,6 +49,7 @@ class OwnWorld:
 
     Attributes:
         road: the way of the vehicle that was taken over, as far as it is a road.
+        predicted: what a planner may take the others for: the mean of what is known of those near at the take-over.
         told: TOML, what was chosen, overridden and silenced.
     """
 
@@ -96,7 +99,9 @@ class OwnWorld:
             self._puppet = RoutePuppet(self.road, lanes, ROUTE)
             self._surroundings = Surroundings(ROBOT, GHOST, self.road, lanes, scenario.own.near)
             self._surroundings.read()
-            self.told = _notes(own, taken, self._traffic_step, self._end)
+            near = [self.vehicle_names[number] for number in self.observe().vehicle]
+            self.predicted = typical_driver(near, scenario.drivers)
+            self.told = _notes(own, taken, self._traffic_step, self._end, self.predicted)
             self._at_the_end = unless_built.pop_all()
 
     def _resume(self, own: OwnConfiguration, taken: TakeOver, seed: int) -> None:
@@ -287,11 +292,15 @@ def _make_type(body: RobotSettings) -> None:
     kind.setParameter(ROBOT, "has.rerouting.device", "false")
 
 
-def _notes(own: OwnConfiguration, taken: TakeOver, traffic_step: float, end: RoadEnd) -> str:
+def _notes(own: OwnConfiguration, taken: TakeOver, traffic_step: float, end: RoadEnd, predicted: DriverSettings) -> str:
     """Return what was chosen, overridden and silenced, a sentence each, as TOML."""
+    driver = ", ".join(
+        f"{name} {value:.3g}" for name, value in zip(PARAMETER_NAMES, mean_driver(predicted), strict=True)
+    )
     chosen = [
         f"the robot takes over {taken.vehicle} at {taken.time:g} s, in lane {taken.lane}, at {taken.speed:.1f} m/s",
         f"its way has {len(taken.edges)} edges, {end.along:.0f} m of road, up to the {end.reason}",
+        f"the planner predicts the others as MOBIL and IDM drivers with {driver}",
     ]
     overridden = [f"step-length {own.step:g} -> {traffic_step:g}: cars are where they are seen"]
     overridden += [

@@ -156,7 +156,8 @@ class SumoWorld:
         SUMO's own step, which may be several of the robot's, is made when the first of these is: all that others do in
         it, they do by what they see at its beginning. Where the robot will be at its end is foreseen.
         """
-        require_road(self.road, placement(robot_state, self._body, self.road).along, self._time)
+        front = float(robot_state[0]) + 0.5 * self._body.length * math.cos(robot_state[2])
+        require_road(self.road, front, self._time)
         if self._steps % self._steps_a_traffic_step == 0:
             later = (self._steps_a_traffic_step - 1) * self._step
             turn_rate = (float(robot_state[2]) - float(self._robot[2])) / self._step
