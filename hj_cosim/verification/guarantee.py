@@ -162,6 +162,7 @@ def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, r
         epsilon=spc.epsilon,
         recovery=spc.recovery,
         approach=spc.approach,
+        smooth=spc.smooth_gradient,
         sideways=robot.lateral_acceleration_max,
         step=settings.step,
         other=Disturbance.of_game(table.parameters),
