@@ -35,7 +35,9 @@ def tracking_control(
     """Return ω = −K_θ [θ + arcsin(K_1 Δℓ / v)] and a = K_2 (v_p − v), within the robot's limits.
 
     The paper's δ is arctan(L ω / v) of this ω. The heading towards the lane, arcsin(K_1 Δℓ / v), is clipped to
-    ± `heading_max`: a slow car cannot approach its lane at K_1 Δℓ, and the value table knows no larger heading.
+    ± `heading_max`: a slow car cannot approach its lane at K_1 Δℓ, and the value table knows no larger heading. And it
+    approaches no faster than it can straighten up again within Δℓ, at half the lateral acceleration that it may have,
+    else it overshoots its lane.
 
     Args:
         state: (4,) p_x, p_y (m), θ (rad), v (m/s) of the robot in the road frame.
@@ -44,7 +46,9 @@ def tracking_control(
     along, lateral, heading, speed = state.tolist()
     off_centre = lateral - road.lane_centre(target.lane, along)
     limit = math.sin(settings.heading_max)
-    towards_lane = settings.k_1 * off_centre
+    sideways = min(settings.lateral_acceleration_max, robot.lateral_acceleration_max)
+    can_be_stopped = math.sqrt(sideways * abs(off_centre))
+    towards_lane = math.copysign(min(settings.k_1 * abs(off_centre), can_be_stopped), off_centre)
     # |K_1 Δℓ| < v limit, without the division that fails at a standstill.
     if abs(towards_lane) < speed * limit:
         approach = math.asin(towards_lane / speed)
@@ -55,7 +59,6 @@ def tracking_control(
     if not (math.isfinite(omega) and math.isfinite(acceleration)):
         # Within the limits it would look like any other; as it is, the filter brakes instead, and counts it.
         return Control(omega, acceleration)
-    sideways = min(settings.lateral_acceleration_max, robot.lateral_acceleration_max)
     turning_max = min(robot.omega_max, sideways / max(speed, _SLOWEST))
     return Control(
         omega=min(max(omega, -turning_max), turning_max),

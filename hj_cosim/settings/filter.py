@@ -44,8 +44,11 @@ class FilterSettings(Settings):
         0.0,
         ge=0,
         le=50,
-        description="γ: above ε V may fall by γ (V − ε), so that a row begins before it binds; with 0, the paper's,"
-        " nothing is asked above ε",
+        description="γ: above ε V may fall, the faster the more of it is left, γ (V − ε) to begin with, so that a row"
+        " begins before it binds; with 0, the paper's, nothing is asked above ε",
+    )
+    smooth_gradient: bool = Field(
+        False, description="slopes of V are those of its mean over a cell of the table, and do not jump between cells"
     )
     slack_weight: Number = Field(10.0, gt=0, description="λ_3; the paper has 1")
     keep_escape: bool = Field(

@@ -13,12 +13,12 @@ from numba import njit
 
 from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.control.problem.safety_problem import available_controls
-from hj_cosim.control.spc.approach import asked_rise
+from hj_cosim.control.spc.approach import NOT_NEEDED, begun_row
 from hj_cosim.control.spc.escape import NO_ESCAPE, NO_MANOEUVRE, is_to_be_looked_at, keep_escape
 from hj_cosim.reachability.games.highway.other_car import allowed
-from hj_cosim.reachability.games.highway.rows import worst_drift
+from hj_cosim.reachability.games.highway.rows import write_row
 from hj_cosim.reachability.games.highway.target import target_at
-from hj_cosim.reachability.table.lookup import value_and_gradient_at
+from hj_cosim.reachability.table.lookup import smooth_gradient_at, value_and_gradient_at
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 from hj_cosim.verification.filter_games import Game, bodies_overlap, game_step, gripped
 
@@ -100,13 +100,17 @@ def _filtered(
     in_k = value <= game.epsilon
     if in_k or (game.approach > 0.0 and value < math.inf):
         state = np.array([p_x, p_y, robot[2], robot[3], car[2]])
-        drift = worst_drift(gradient, state, game.other)
-        drift -= asked_rise(value, game.epsilon, game.recovery, game.approach)
-        p, q, c = gradient[2:3].copy(), gradient[3:4].copy(), np.array([drift])
-        wanted = previous_omega if game.slack_is_free else omega
-        omega, acceleration, _ = least_cost_control(
-            p, q, c, wanted, acceleration, game.weights, game.slack_is_free, box
-        )
+        row = np.empty(8)
+        if game.smooth:
+            smooth_gradient_at(game.table, p_x, p_y, robot[2], robot[3], car[2], gradient)
+        write_row(game.table.target, game.other, state, value, gradient, row)
+        begins = begun_row(row, game.epsilon, game.recovery, game.approach, box, omega, acceleration)
+        if begins != NOT_NEEDED:
+            p, q, c = row[begins + 1 : begins + 2], row[begins + 2 : begins + 3], row[begins + 3 : begins + 4]
+            wanted = previous_omega if game.slack_is_free else omega
+            omega, acceleration, _ = least_cost_control(
+                p, q, c, wanted, acceleration, game.weights, game.slack_is_free, box
+            )
     without = False
     if len(game.manoeuvres.heading) > 0 and is_to_be_looked_at(game.extent, value, p_x, p_y, robot[3], car[2]):
         others, minded = car.copy().reshape(1, 3), np.array([in_k])

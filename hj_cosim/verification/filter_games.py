@@ -12,12 +12,12 @@ from numba import njit
 
 from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.control.problem.safety_problem import available_controls
-from hj_cosim.control.spc.approach import asked_rise, can_bind
+from hj_cosim.control.spc.approach import NOT_NEEDED, begun_row
 from hj_cosim.control.spc.escape import NO_MANOEUVRE, Extent, is_to_be_looked_at, keep_escape
 from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres
 from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed, worst_heading_sine
-from hj_cosim.reachability.games.highway.rows import worst_drift
-from hj_cosim.reachability.table.lookup import TableArrays, shift_of_grid, value_and_gradient_at
+from hj_cosim.reachability.games.highway.rows import write_row
+from hj_cosim.reachability.table.lookup import TableArrays, shift_of_grid, smooth_gradient_at, value_and_gradient_at
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 from hj_cosim.vehicles.idm import idm_acceleration
 
@@ -37,6 +37,7 @@ class Game(NamedTuple):
     epsilon: float
     recovery: float
     approach: float
+    smooth: bool  # whether slopes are those of a mean over a cell
     sideways: float  # m/s², the most |v ω| of the robot's tyres
     step: float
     other: Disturbance
@@ -47,6 +48,27 @@ class Game(NamedTuple):
     wheelbase: float
     length: float
     width: float
+    curvature: float  # 1/m, of the road at d = 0; 0 of a straight one
+    half_wave: float  # m, in which the curvature turns over to the other side, like a cosine; inf if it stays
+
+
+@njit(cache=True)
+def curvature_at(game: Game, along: float) -> float:
+    """Return the road's curvature at s, 1/m."""
+    if game.half_wave == math.inf:
+        return game.curvature
+    return game.curvature * math.cos(math.pi * along / game.half_wave)
+
+
+@njit(cache=True)
+def bent(game: Game, before: float, after: float, lateral: float) -> float:
+    """Return the s (m) of who would have come from `before` to `after` on a straight road, but goes round a bend.
+
+    Both cars are in the world, where ds/dt = v cosθ/(1 − κ d): on the inner side a metre of road is less of s.
+    """
+    if game.curvature == 0.0:
+        return after
+    return before + (after - before) / (1.0 - curvature_at(game, before) * lateral)
 
 
 @njit(cache=True)
@@ -167,7 +189,8 @@ def _roll_out(
     gradients = np.empty((cars, 5))
     p, q, c = np.empty(cars), np.empty(cars), np.empty(cars)
     looked_at, in_k = np.empty(cars, np.int64), np.empty(cars, np.bool_)
-    relative, steepest = np.empty(5), np.zeros(2)
+    relative, steepest, row, looked_up = np.empty(5), np.zeros(2), np.empty(8), np.empty(cars)
+    slopes = np.empty(5)
     cruising = others[:, 2].copy()
     previous_omega, driven = 0.0, NO_MANOEUVRE
     for sample in range(samples + 1):
@@ -178,7 +201,7 @@ def _roll_out(
             relative[2], relative[3], relative[4] = robot[2], robot[3], others[j, 2]
             value = _gradient_within(game, relative, gradients[j])
             states[sample, j] = relative
-            values[sample, j] = value
+            values[sample, j], looked_up[j] = value, value
             if j == 0 or value < least:
                 least = value
                 steepest[0], steepest[1] = gradients[j, 2], gradients[j, 3]
@@ -186,18 +209,26 @@ def _roll_out(
             if is_to_be_looked_at(game.extent, value, relative[0], relative[1], relative[3], relative[4]):
                 looked_at[near] = j
                 near += 1
-            if in_k[j] or (game.approach > 0.0 and value < math.inf):
-                p[count], q[count] = gradients[j, 2], gradients[j, 3]
-                c[count] = worst_drift(gradients[j], relative, game.other)
-                c[count] -= asked_rise(value, game.epsilon, game.recovery, game.approach)
-                if in_k[j] or can_bind(p[count], q[count], c[count], limits):
-                    count += 1
         if sample == samples:
             break
         omega, acceleration = _desired_control(game, desire, sample, robot[2], steepest, random)
         box = available_controls(limits, robot[2], robot[3], game.bounds, game.step)
         omega = min(max(omega, box[0]), box[1])
         acceleration = min(max(acceleration, box[2]), box[3])
+        for j in range(cars):
+            if in_k[j] or (game.approach > 0.0 and values[sample, j] < math.inf):
+                relative[0], relative[1] = robot[0] - others[j, 0], robot[1] - others[j, 1]
+                relative[2], relative[3], relative[4] = robot[2], robot[3], others[j, 2]
+                slopes[:] = gradients[j]  # the worst inputs go by the table's own
+                if game.smooth:
+                    smooth_gradient_at(
+                        game.table, relative[0], relative[1], relative[2], relative[3], relative[4], slopes
+                    )
+                write_row(game.table.target, game.other, relative, looked_up[j], slopes, row)
+                begins = begun_row(row, game.epsilon, game.recovery, game.approach, box, omega, acceleration)
+                if begins != NOT_NEEDED:
+                    p[count], q[count], c[count] = row[begins + 1], row[begins + 2], row[begins + 3]
+                    count += 1
         slack[sample] = np.nan
         if count > 0:
             wanted = previous_omega if game.slack_is_free else omega
@@ -228,14 +259,16 @@ def _roll_out(
                 )
             end = min(max(others[j, 2] + other_acceleration * game.step, 0.0), game.other_speed_max)
             way = 0.5 * (others[j, 2] + end) * game.step
-            others[j, 0] += way * math.cos(heading)
+            others[j, 0] = bent(game, others[j, 0], others[j, 0] + way * math.cos(heading), others[j, 1])
             others[j, 1] += way * math.sin(heading)
             others[j, 2] = end
+        came_from, was_at = robot[0], robot[1]
         if bicycle:
             steering = steering_for(omega, robot[3], game.wheelbase)
             robot[:] = bicycle_step(robot, steering, acceleration, game.wheelbase, game.bounds[3], game.step)
         else:
             game_step(robot, omega, acceleration, game.bounds[3], game.step)
+        robot[0] = bent(game, came_from, robot[0], 0.5 * (was_at + robot[1]))
 
 
 # Ten parameters: those of _roll_out.

@@ -69,6 +69,8 @@ class RolloutSettings:
     model: Model = "game"  # how the robot moves: as the table assumes, or as the bicycle does
     others: Others = "adversary"  # who the other cars are: the worst for V, or IDM drivers that keep their lane
     cars: int = 1  # other cars, each of them a pair with V just above ε
+    curvature: float = 0.0  # 1/m, of the road at d = 0; both cars are in the world, the filter in the road frame
+    half_wave: float = math.inf  # m, in which the road turns over to the other side, as an S does
     band: float = 0.5  # m; starts have ε < V <= ε + band
     seed: int = 0
 
@@ -162,6 +164,7 @@ def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, r
         epsilon=spc.epsilon,
         recovery=spc.recovery,
         approach=spc.approach,
+        smooth=spc.smooth_gradient,
         sideways=robot.lateral_acceleration_max,
         step=settings.step,
         other=Disturbance.of_game(table.parameters),
@@ -172,6 +175,8 @@ def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, r
         wheelbase=robot.wheelbase,
         length=robot.length,
         width=robot.width,
+        curvature=settings.curvature,
+        half_wave=settings.half_wave,
     )
 
 

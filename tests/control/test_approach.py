@@ -26,7 +26,7 @@ def test_a_row_can_bind_where_some_corner_of_the_box_misses_it() -> None:
 
 def test_only_rows_that_no_control_could_miss_are_left_out() -> None:
     rows = np.array([[1.0, 5.0, 5.0], [0.0, 0.0, 10.0], [-1.0, -1.0, -1.0], [-1.0, -5.0, -40.0]])
-    kept, found = binding_rows(rows.copy(), 2.0, 0.0, 4.0, BOX)
+    kept, found = binding_rows(rows.copy(), 2.0, 0.0, 4.0, BOX, 0.0, 0.0)
     assert kept.tolist() == [0, 2]  # in K; above epsilon and sure to be met; above and missed by some
     assert found[3].tolist() == [-1.0, -40.0 + 12.0]
 

@@ -30,7 +30,7 @@ def arrays_of(values: np.ndarray) -> TableArrays:
         tuple(float(axis[-1]) for axis in AXES),  # type: ignore[arg-type]
         tuple(float(1.0 / (axis[1] - axis[0])) for axis in AXES),  # type: ignore[arg-type]
         0.0,
-        TargetFormula(*[0.0] * 10),
+        TargetFormula(*[0.0] * 11),
         has_target=False,
     )
 
@@ -205,10 +205,24 @@ def test_look_ups_are_finite_wherever_there_is_a_table(small_table: ValueTable) 
     states = np.where(generator.random(states.shape) < 0.3, generator.choice(special, states.shape), states)
     values, gradients = values_and_gradients(small_table.arrays, states)
     lower, upper = np.array(small_table.grid.lower), np.array(small_table.grid.upper)
-    inside = ((states >= lower) & (states <= upper))[:, :2].all(axis=1)
+    inside = ((states >= lower) & (states <= upper))[:, 0]
     assert np.array_equal(np.isfinite(values), inside)
     assert np.isfinite(gradients).all()
     assert (gradients[~inside] == 0.0).all()
+
+
+def test_beside_the_grid_v_is_what_the_formula_says_and_never_more(small_table: ValueTable) -> None:
+    target, edge = small_table.arrays.target, small_table.grid.upper[1]
+    draw = np.random.default_rng(13)
+    for theta, v_r, v_o in zip(draw.uniform(-0.4, 0.4, 200), *draw.uniform(0.0, 40.0, (2, 200)), strict=True):
+        beside = np.array([0.0, edge + 0.01, theta, v_r, v_o])
+        value, gradient = values_and_gradients(small_table.arrays, beside[None])
+        found = target_and_gradient_at(target, *beside)
+        assert value[0] == found[0]
+        assert gradient[0] == pytest.approx(found[1:])
+        assert small_table.value(beside - [0.0, 0.02, 0.0, 0.0, 0.0])[0] <= value[0] + 5.0  # no cliff to safety
+    # Turned towards the other car and fast, it is far from safe there.
+    assert small_table.value(np.array([0.0, edge + 0.01, -0.4, 30.0, 30.0]))[0] < 0.0
 
 
 def test_a_margin_lowers_what_is_looked_up(highway_small: TableSpecification, small_table: ValueTable) -> None:
@@ -223,9 +237,13 @@ def test_the_formula_is_the_solvers_target(small_table: ValueTable) -> None:
     rng = np.random.default_rng(14)
     states = states_in(small_table, 15, 5000)
     states = np.where(rng.random(states.shape) < 0.1, 0.0, states).astype(np.float32).astype(np.float64)
-    for parameters in ({}, {"brake_min": 5.0, "brake_max": 8.0, "lateral_margin": 0.4, "response_time": 1.0}):
+    for parameters in (
+        {},
+        {"brake_min": 5.0, "brake_max": 8.0, "lateral_margin": 0.4, "response_time": 1.0},
+        {"turned_length": 4.0},
+    ):
         named = highway.PARAMETERS | parameters
-        formula = TargetFormula.of(*(named[name] for name in list(named)[6:15]))
+        formula = TargetFormula.of_game(named)
         expected = highway.game.target_values(states, highway.game.parameter_values(parameters, "the test"))
         found = [target_at(formula, *state) for state in states]
         assert found == pytest.approx(expected, rel=1e-5, abs=1e-3)

@@ -30,7 +30,7 @@ from hj_cosim.reachability.games.highway.manoeuvres import (
     require_path,
     room_for_paths,
 )
-from hj_cosim.reachability.games.highway.paths import Start
+from hj_cosim.reachability.games.highway.paths import Start, turning_max
 from hj_cosim.reachability.games.highway.target import target_at
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import RobotSettings
@@ -144,11 +144,16 @@ def _is_in_target_set(manoeuvres: Manoeuvres, robot: np.ndarray, others: np.ndar
 
 
 @njit(cache=True)
-def _first_control(manoeuvres: Manoeuvres, which: int, heading: float, step: float) -> tuple[float, float]:
+def _first_control(
+    manoeuvres: Manoeuvres, which: int, heading: float, speed: float, step: float
+) -> tuple[float, float]:
     """Return the control, rad/s and m/s², that a manoeuvre holds over the next step."""
-    omega_max = manoeuvres.game.omega_max
-    omega = min(max((manoeuvres.heading[which] - heading) / step, -omega_max), omega_max)
-    return omega, manoeuvres.acceleration[which]
+    game = manoeuvres.game
+    omega_max, rest = turning_max(game, speed), manoeuvres.heading[which] - heading
+    # Among cars that do their duties every manoeuvre ends in braking straight on, as the first one begins.
+    ended = game.other.responsible and rest == 0.0
+    acceleration = manoeuvres.acceleration[0 if ended else which]
+    return min(max(rest / step, -omega_max), omega_max), acceleration
 
 
 @njit(cache=True)
@@ -165,7 +170,7 @@ def _best_manoeuvre(
         which = driven if turn < 0 else turn
         if which < 0 or (turn >= 0 and turn == driven):
             continue
-        omega, acceleration = _first_control(manoeuvres, which, robot[2], step)
+        omega, acceleration = _first_control(manoeuvres, which, robot[2], robot[3], step)
         start = Start(robot[2], robot[3], omega, acceleration, step)
         require_path(manoeuvres, which, start, paths)
         path = paths.rows[which, : paths.instants[which]]
@@ -216,7 +221,7 @@ def keep_escape(
     ):
         return omega, acceleration, PASSED, NO_MANOEUVRE
     best, most = _best_manoeuvre(manoeuvres, robot, threats, step, driven)
-    turning, gain = _first_control(manoeuvres, best, robot[2], step)
+    turning, gain = _first_control(manoeuvres, best, robot[2], robot[3], step)
     return turning, gain, ESCAPING if most > 0.0 else NO_ESCAPE, best
 
 

@@ -19,7 +19,7 @@ from hj_cosim.control.spc.escape import (
     manoeuvres_for,
 )
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
-from hj_cosim.reachability.table.cars import rows_of_cars
+from hj_cosim.reachability.table.cars import rows_of_cars, smoothed
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.settings import FilterSettings, RobotSettings
@@ -48,7 +48,7 @@ class SafetyPreservingFilter:
         self._nearest = NearestControl(settings, robot)
         self._epsilon = settings.epsilon
         self._recovery = settings.recovery
-        self._approach = settings.approach
+        self._approach, self._smooth = settings.approach, settings.smooth_gradient
         # Below its bound a car may need a row: ε, or any V that a look-up gives.
         self._bound = settings.epsilon if settings.approach == 0.0 else np.finfo(np.float64).max
         self._grip = Grip(robot)
@@ -68,7 +68,7 @@ class SafetyPreservingFilter:
     def prepare(self, observation: Observation, values: CarValues) -> None:
         """Compile what is driven with: Ctrl-C while Numba compiles may be lost, which no step of a drive is to risk."""
         available = available_controls(self._limits, 0.0, 0.0, self._bounds, self._step)
-        self._rows(observation, values, np.inf, available)
+        self._rows(observation, values, Control(0.0, 0.0), available)
         self._nearest.prepare(available)
         if len(self._manoeuvres.heading) > 0:
             self._kept_escape(observation, values, Control(0.0, 0.0))
@@ -79,7 +79,7 @@ class SafetyPreservingFilter:
         available = self._available(observation.robot)
         rows: SafetyRows | None = NO_ROWS
         if values.least <= self._bound:
-            rows = self._rows(observation, values, self._bound, available)
+            rows = self._rows(observation, values, desired, available)
         if rows is None:
             return CANNOT_JUDGE
         in_k = int(np.count_nonzero(rows.value <= self._epsilon))
@@ -92,11 +92,15 @@ class SafetyPreservingFilter:
         return decision
 
     def _rows(
-        self, observation: Observation, values: CarValues, bound: float, available: np.ndarray
+        self, observation: Observation, values: CarValues, desired: Control, available: np.ndarray
     ) -> SafetyRows | None:
-        """Return the rows of the cars with V up to a bound that could bind; None where a row is not finite."""
-        cars, rows = rows_of_cars(self._table, observation, values, bound)
-        kept, rows = binding_rows(rows, self._epsilon, self._recovery, self._approach, available)
+        """Return the rows of the cars with V up to the bound that could bind; None where a row is not finite."""
+        if self._smooth:
+            values = smoothed(self._table, observation, values)
+        cars, rows = rows_of_cars(self._table, observation, values, self._bound)
+        kept, rows = binding_rows(
+            rows, self._epsilon, self._recovery, self._approach, available, desired.omega, desired.acceleration
+        )
         found = SafetyRows(observation.vehicle[cars[kept]], *rows)
         return found if found.are_possible else None
 

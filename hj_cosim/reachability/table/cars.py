@@ -1,13 +1,16 @@
 """A table of two cars asked about all cars of an observation: once a step, for all who want it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numba import njit
 
-from hj_cosim.reachability.table.lookup import TableArrays, value_and_gradient_at
+from hj_cosim.reachability.table.lookup import TableArrays, smooth_gradient_at, value_and_gradient_at
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import NOBODY, Cars, CarValues, Observation, is_possible
+
+SMOOTHED = 50.0  # m of V, above which no row is ever asked for
 
 
 def car_values(table: ValueTable, observation: Observation) -> CarValues:
@@ -24,12 +27,22 @@ def car_values(table: ValueTable, observation: Observation) -> CarValues:
     return CarValues(value, gradient, least, nearest)
 
 
+def smoothed(table: ValueTable, observation: Observation, values: CarValues) -> CarValues:
+    """Return the same with slopes that do not jump between the table's cells (`lookup.smooth_gradient_at`).
+
+    Of cars with V up to SMOOTHED; of others, which no row is about, they stay as they are.
+    """
+    gradient = _smooth_gradients(table.arrays, observation.robot, observation.cars, values.value, values.gradient)
+    return replace(values, gradient=gradient)
+
+
 def rows_of_cars(
     table: ValueTable, observation: Observation, values: CarValues, bound: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cars with V up to a bound, (K,) int, and what a filter asks of its control about each, (4, K).
+    """Return the cars with V up to a bound, (K,) int, and what a filter asks of its control about each, (4 or 8, K).
 
-    Those rows are V, the coefficients of ω and a, and c: see `ValueTable.half_planes`.
+    Those rows are V, the coefficients of ω and a, and c: see `ValueTable.half_planes`. A game may add the same four of
+    what may be kept instead of V, for it is nowhere above it: see `games.highway.rows`.
 
     Args:
         table: V over (p_x, p_y, θ_r, v_r, v_o).
@@ -63,6 +76,19 @@ def _car_values(
             least, nearest = value[j], j
         known = known and value[j] > -math.inf
     return (value, gradient, least, nearest) if known else (value, gradient, math.nan, NOBODY)
+
+
+@njit(cache=True)
+def _smooth_gradients(
+    table: TableArrays, robot: np.ndarray, cars: Cars, values: np.ndarray, gradients: np.ndarray
+) -> np.ndarray:
+    found = gradients.copy()
+    for j in range(len(values)):
+        if values[j] <= SMOOTHED:
+            smooth_gradient_at(
+                table, robot[0] - cars.x[j], robot[1] - cars.y[j], robot[2], robot[3], cars.speed[j], found[j]
+            )
+    return found
 
 
 @njit(cache=True)

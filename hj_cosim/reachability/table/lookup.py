@@ -10,9 +10,11 @@ V0 − V drowns V0's own, and a robot that steers towards the other car seems to
 The grid's first axis may be sheared, ξ = p_x − k (v_o² − v_r²), see `systems.highway`: look-ups take states, find ξ
 themselves, and give the slopes of V along the state.
 
-Outside the grid in p_x or p_y another car is safe: V = +inf with a zero gradient. The heading and the speeds are
-clamped to the grid, and the gradient in a clamped coordinate is that of the nearest cell. With a heading beyond the
-grid nothing is ever called safe: V is at most 0. `interpolation` serves tables of any dimension.
+Outside the grid along the road another car is safe: V = +inf with a zero gradient. Beside the grid it is so too where
+the game has no V(0, ·), and V is V(0, ·) where it has: +inf there let a robot that came back fast, and turned towards
+the car, fall by 100 m from one step to the next. The heading and the speeds are clamped to the grid, and the gradient
+in a clamped coordinate is that of the nearest cell. With a heading beyond the grid nothing is ever called safe: V is at
+most 0. `interpolation` serves tables of any dimension.
 
 Interpolation goes axis by axis, the speeds first, and carries the slopes along: a third of the work of weighing all
 32 corners for the value and every slope. Corners are offsets into the flat table, unsigned, which spares the index
@@ -123,10 +125,9 @@ def shift_of_grid(table: TableArrays, v_r: float, v_o: float) -> float:
 
 
 @njit(cache=True)
-def _is_outside(table: TableArrays, xi: float, p_y: float) -> bool:
-    x = (xi - table.lower[0]) * table.inverse_spacing[0]
-    y = (p_y - table.lower[1]) * table.inverse_spacing[1]
-    return not (x >= 0.0 and y >= 0.0 and x <= table.deficit.shape[0] - 1 and y <= table.deficit.shape[1] - 1)
+def _is_outside(table: TableArrays, axis: int, coordinate: float) -> bool:
+    place = (coordinate - table.lower[axis]) * table.inverse_spacing[axis]
+    return not (place >= 0.0 and place <= table.deficit.shape[axis] - 1)
 
 
 @njit(cache=True)
@@ -194,12 +195,17 @@ def _over_width(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[float,
 def value_and_gradient_at(
     table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float, gradient_out: np.ndarray
 ) -> float:
-    """Return V and write ∂V/∂x, (5,), per state unit; +inf and zeros outside the grid in p_x or p_y."""
-    xi = p_x - shift_of_grid(table, v_r, v_o)
-    if _is_outside(table, xi, p_y):
+    """Return V and write ∂V/∂x, (5,), per state unit; outside the grid as said above."""
+    xi, is_beside = p_x - shift_of_grid(table, v_r, v_o), _is_outside(table, 1, p_y)
+    if _is_outside(table, 0, xi) or (is_beside and not table.has_target):
         for axis in range(5):
             gradient_out[axis] = 0.0
         return math.inf
+    if is_beside:
+        target, by_x, by_y, by_theta, by_r, by_o = _target_and_gradient(table, p_x, p_y, theta, v_r, v_o)
+        gradient_out[0], gradient_out[1], gradient_out[2] = by_x, by_y, by_theta
+        gradient_out[3], gradient_out[4] = by_r, by_o
+        return _claimed(table, theta, target)
     cell = _cell_of(table, xi, p_y, theta, v_r, v_o)
     flat, share, inverse = table.flat, cell.x, table.inverse_spacing
     low, low_y, low_t, low_r, low_o = _over_width(flat, cell.corner, cell)
@@ -210,13 +216,34 @@ def value_and_gradient_at(
     gradient_out[2] = -(low_t + share * (high_t - low_t)) * inverse[2]
     gradient_out[3] = -(low_r + share * (high_r - low_r)) * inverse[3]
     gradient_out[4] = -(low_o + share * (high_o - low_o)) * inverse[4]
+    return _value_and_slopes(table, p_x, p_y, theta, v_r, v_o, deficit, gradient_out)
+
+
+@njit(cache=True)
+def _is_flat(gradient: np.ndarray) -> bool:
+    return gradient[0] == gradient[1] == gradient[2] == gradient[3] == gradient[4] == 0.0
+
+
+# Eight parameters, the last of them what is written.
+@njit(cache=True)
+def _value_and_slopes(
+    table: TableArrays,
+    p_x: float,
+    p_y: float,
+    theta: float,
+    v_r: float,
+    v_o: float,
+    deficit: float,
+    gradient_out: np.ndarray,
+) -> float:
+    """Return V of a deficit, and turn −∂W along the grid's axes into ∂V/∂x, (5,)."""
     # ξ changes with the speeds.
     gradient_out[3] += 2.0 * table.braking_shear * _clamped(table, 3, v_r) * gradient_out[0]
     gradient_out[4] -= 2.0 * table.braking_shear * _clamped(table, 4, v_o) * gradient_out[0]
     if not table.has_target:
         return _claimed(table, theta, -deficit)
     target, by_x, by_y, by_theta, by_r, by_o = _target_and_gradient(table, p_x, p_y, theta, v_r, v_o)
-    if deficit == 0.0:  # then W, which is nowhere negative, is 0 all around
+    if deficit == 0.0 and _is_flat(gradient_out):
         gradient_out[0], gradient_out[1], gradient_out[2] = by_x, by_y, by_theta
         gradient_out[3], gradient_out[4] = by_r, by_o
         return _claimed(table, theta, target)
@@ -234,11 +261,57 @@ def value_and_gradient_at(
 
 
 @njit(cache=True)
-def value_at(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
-    """Return V, m; +inf outside the grid in p_x or p_y."""
+def _deficit(table: TableArrays, place: tuple[float, float, float, float, float]) -> float:
+    """Return W at a place in the grid's coordinates, clamped to the grid."""
+    cell = _cell_of(table, place[0], place[1], place[2], place[3], place[4])
+    low = _over_width(table.flat, cell.corner, cell)[0]
+    high = _over_width(table.flat, cell.corner + cell.step_x, cell)[0]
+    return float(low + cell.x * (high - low))
+
+
+@njit(cache=True)
+def smooth_gradient_at(
+    table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float, gradient_out: np.ndarray
+) -> float:
+    """Return V and write ∂V/∂x as `value_and_gradient_at` does, but with slopes of W that do not jump between cells.
+
+    Along each axis it is the slope of W's mean over a cell's width around the state. Between two cells the slope of W
+    itself may change its sign, and a filter that follows it steers left and right in turn, 50 times a second.
+    """
     xi = p_x - shift_of_grid(table, v_r, v_o)
-    if _is_outside(table, xi, p_y):
+    if _is_outside(table, 0, xi) or _is_outside(table, 1, p_y):
+        return value_and_gradient_at(table, p_x, p_y, theta, v_r, v_o, gradient_out)
+    here = (xi, p_y, theta, v_r, v_o)
+    for axis in range(5):
+        middle, half = _clamped(table, axis, here[axis]), 0.5 / table.inverse_spacing[axis]
+        low, high = _clamped(table, axis, middle - half), _clamped(table, axis, middle + half)
+        rise = _deficit(table, _moved(here, axis, high)) - _deficit(table, _moved(here, axis, low))
+        gradient_out[axis] = -rise / (high - low)
+    return _value_and_slopes(table, p_x, p_y, theta, v_r, v_o, _deficit(table, here), gradient_out)
+
+
+@njit(cache=True)
+def _moved(
+    place: tuple[float, float, float, float, float], axis: int, to: float
+) -> tuple[float, float, float, float, float]:
+    """Return a place with one of its coordinates replaced."""
+    return (
+        to if axis == 0 else place[0],
+        to if axis == 1 else place[1],
+        to if axis == 2 else place[2],
+        to if axis == 3 else place[3],
+        to if axis == 4 else place[4],
+    )
+
+
+@njit(cache=True)
+def value_at(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
+    """Return V, m; outside the grid as said above."""
+    xi, is_beside = p_x - shift_of_grid(table, v_r, v_o), _is_outside(table, 1, p_y)
+    if _is_outside(table, 0, xi) or (is_beside and not table.has_target):
         return math.inf
+    if is_beside:
+        return _claimed(table, theta, _target(table, p_x, p_y, theta, v_r, v_o))
     cell = _cell_of(table, xi, p_y, theta, v_r, v_o)
     flat = table.flat
     # The slopes are not used, and the compiler leaves them out.

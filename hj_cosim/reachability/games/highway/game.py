@@ -38,7 +38,7 @@ def target(x, c, out):  # type: ignore[no-untyped-def]
     """V(0, x) = max(|p_x| − d_long, 4 (|p_y| − d_lat)³), distances between bumpers (paper, eq. case study V0).
 
     The rear car is the one with the smaller p_x. d_lat counts the robot's lateral speed v_r sin θ towards the other
-    car, and none of the other car's own.
+    car, and none of the other car's own; the robot's body counts as turned where `turned_length` says so.
     """
     length, width, response, acceleration, brake_min, brake_max = c[6], c[7], c[8], c[9], c[10], c[11]
     lateral_acceleration, lateral_brake, margin = c[12], c[13], c[14]
@@ -55,7 +55,8 @@ def target(x, c, out):  # type: ignore[no-untyped-def]
             response, lateral_acceleration, lateral_brake, margin,
         )  # fmt: skip
         gap_x = abs(p_x) - length - longitudinal
-        gap_y = abs(x[1, i]) - width - lateral
+        turned = np.float32(0.5) * c[21] * abs(math.sin(x[2, i]))
+        gap_y = abs(x[1, i]) - width - turned - lateral
         out[i] = max(gap_x, 4.0 * gap_y**3)
 
 
@@ -95,17 +96,17 @@ def hamiltonian(x, p, c, limits, out):  # type: ignore[no-untyped-def]
         along = x[0, i] + c[15] * (v_o * v_o - v_r * v_r)
         may = allowed(assumed, along, x[1, i], leftward, v_r, v_o)
         # Branches as selects, so that the loop runs in SIMD.
-        left, right = np.float32(may.left), np.float32(may.right)
-        at_left, at_right = p_x * math.sqrt(one - left * left), p_x * math.sqrt(one - right * right)
+        left, right = may.left, may.right
+        at_left, at_right = p_x * np.sqrt(one - left * left), p_x * np.sqrt(one - right * right)
         at_bound = max(at_left + p_y * left, at_right + p_y * right)
-        length = math.sqrt(p_x * p_x + p_y * p_y)
+        length = np.sqrt(p_x * p_x + p_y * p_y)
         other = length if (p_x > zero) & (p_y <= left * length) & (p_y >= right * length) else at_bound
         turning = omega_high * p[2, i] if p[2, i] > zero else omega_low * p[2, i]
         by_robot = p[3, i] + robot_share * p_x
         robot = robot_high * by_robot if by_robot > zero else robot_low * by_robot
         by_other = p[4, i] - twice_shear * v_o * p_x
         least, most = available_acceleration(may, v_o, limits[0, 4], limits[1, 4])
-        other_speed = np.float32(least) * by_other if by_other > zero else np.float32(most) * by_other
+        other_speed = least * by_other if by_other > zero else most * by_other
         out[i] = forward * p_x + leftward * p_y - v_o * other + turning + robot + other_speed
 
 

@@ -25,6 +25,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hj_cosim.reachability.games.highway.duty_bound import guaranteed_by_duties, level_of_duties, require_hold
+from hj_cosim.reachability.games.highway.other_car import Disturbance
 from hj_cosim.reachability.games.highway.paths import (
     AS_FRONT,
     AS_REAR,
@@ -65,36 +67,43 @@ class Manoeuvres(NamedTuple):
 
 # For who keeps no escape.
 NO_MANOEUVRES = Manoeuvres(
-    np.empty(0), np.empty(0), Game(*(0.0,) * 8, TargetFormula(*(0.0,) * len(TargetFormula._fields)))
+    np.empty(0),
+    np.empty(0),
+    Game(*(0.0,) * 9, TargetFormula(*(0.0,) * len(TargetFormula._fields)), Disturbance(0.0, 0.0, 0.0)),
 )
 
 
 def manoeuvres_of(parameters: Mapping[str, float], grid: Grid) -> Manoeuvres:
-    """Return the manoeuvres of a highway game: straight on, half and fully to either side, each braking, coasting and
-    accelerating, the straight ones and the braking ones first.
+    """Return the manoeuvres of a highway game, those first that are most likely to escape.
+
+    Against the worst: straight on, half and fully to either side, each braking, coasting and accelerating. Among cars
+    that do their duties: straightening up at each of these, and braking then (`duty_bound`).
 
     Args:
         parameters: of the game (`games.highway.game.PARAMETERS`), all of them.
         grid: of the table, for the largest heading and the largest speeds.
     """
-    headings = [min(max(share * grid.upper[2], grid.lower[2]), grid.upper[2]) for share in _SHARES_OF_HEADING]
+    other = Disturbance.of_game(parameters)
+    shares = (0.0,) if other.responsible else _SHARES_OF_HEADING
+    headings = [min(max(share * grid.upper[2], grid.lower[2]), grid.upper[2]) for share in shares]
     accelerations = (parameters["acceleration_min"], 0.0, parameters["acceleration_max"])
     pairs = np.array([(heading, acceleration) for heading in headings for acceleration in accelerations])
-    return Manoeuvres(
-        heading=pairs[:, 0].copy(),
-        acceleration=pairs[:, 1].copy(),
-        game=Game(
-            omega_max=parameters["omega_max"],
-            speed_max=grid.upper[3],
-            duration=DURATION,
-            other_forward=math.cos(parameters["other_heading_max"]),
-            other_sideways=math.sin(parameters["other_heading_max"]),
-            other_acceleration_min=parameters["other_acceleration_min"],
-            other_acceleration_max=parameters["other_acceleration_max"],
-            other_speed_max=grid.upper[4],
-            target=TargetFormula.of_game(parameters),
-        ),
+    game = Game(
+        omega_max=parameters["omega_max"],
+        sideways=parameters["lateral_acceleration_max"],
+        speed_max=grid.upper[3],
+        duration=DURATION,
+        other_forward=math.cos(other.heading_max),
+        other_sideways=math.sin(other.heading_max),
+        other_acceleration_min=other.acceleration_min,
+        other_acceleration_max=other.acceleration_max,
+        other_speed_max=grid.upper[4],
+        target=TargetFormula.of_game(parameters),
+        other=other,
     )
+    if other.responsible:
+        require_hold(game, parameters["acceleration_min"])
+    return Manoeuvres(heading=pairs[:, 0].copy(), acceleration=pairs[:, 1].copy(), game=game)
 
 
 class Paths(NamedTuple):
@@ -265,6 +274,8 @@ def guaranteed(game: Game, path: np.ndarray, first: int, other: Other, p_x: floa
         p_x, p_y: m, robot − other, at the beginning.
         floor: m; once nothing above it is possible, the search is given up and what was found so far is returned.
     """
+    if game.other.responsible:
+        return guaranteed_by_duties(game, path, first, other.speed, p_x, p_y, floor)
     before = _gaps(game, other, path[first, TIME], p_x, p_y, path[first])
     along, _ = _along(before, before)
     left, right = max(along, 4.0 * before.left**3), max(along, 4.0 * before.right**3)
@@ -289,6 +300,12 @@ def guaranteed(game: Game, path: np.ndarray, first: int, other: Other, p_x: floa
             break
         before = after
     return max(left, right)
+
+
+@njit(cache=True)
+def highest_guarantee(game: Game) -> float:
+    """Return what no manoeuvre guarantees more than, m; +inf where there is no such bound."""
+    return level_of_duties(game.target, game.other) if game.other.responsible else math.inf
 
 
 @njit(cache=True)

@@ -19,19 +19,25 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+import numpy as np
 from numba import njit
 
 from hj_cosim.errors import TableError
+from hj_cosim.reachability.games.contract import FLOATING_POINT
+
+# The solver asks for a state at every node, in single precision and in SIMD. So the constants are of single precision,
+# which leaves a double what it is, and what differs from state to state is selected rather than branched to.
+_ZERO, _HALF, _ONE, _TWO = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(2.0)
 
 # m, over which the duties of who follows, who cuts in and who is beside set in.
-_FOLLOWING, _CUTTING_IN, _BESIDE = 4.0, 2.0, 0.5
+FOLLOWING, _CUTTING_IN, BESIDE = np.float32(4.0), np.float32(2.0), np.float32(0.5)
 # m between the lines of travel: up to the first a follower is bound whatever the robot does, beyond the second only by
 # a robot that does not move towards it.
-_IN_LANE, _OUT_OF_LANE = 1.0, 1.75
+IN_LANE, OUT_OF_LANE = np.float32(1.0), np.float32(1.75)
 # m/s towards the other's line: up to the first a robot keeps its place, from the second on it changes lanes.
-_STAYING, _MOVING = 0.2, 0.7
+STAYING, MOVING = np.float32(0.2), np.float32(0.7)
 # m of p_y, up to which the robot is partly straight ahead: there the other has it on neither side.
-_STRAIGHT_AHEAD = 0.5
+_STRAIGHT_AHEAD = np.float32(0.5)
 
 _PARAMETERS = ("other_heading_max", "other_acceleration_min", "other_acceleration_max")
 
@@ -93,25 +99,27 @@ class Allowed(NamedTuple):
     most: float
 
 
-@njit(cache=True)
-def _share(value: float, none: float, full: float) -> float:
+@njit(cache=True, forceinline=True, fastmath=FLOATING_POINT)
+def ramp(value: float, none: float, full: float) -> float:
     """Return 0 at `none`, 1 at `full`, linear between, constant beyond."""
-    return min(max((value - none) / (full - none), 0.0), 1.0)
+    share = (value - none) / (full - none)
+    share = _ZERO if share < _ZERO else share
+    return _ONE if share > _ONE else share
 
 
-@njit(cache=True)
-def _room(other: Disturbance, gap: float, rear: float, front: float) -> float:
+@njit(cache=True, forceinline=True, fastmath=FLOATING_POINT)
+def kept_room(other: Disturbance, gap: float, rear: float, front: float) -> float:
     """Return what is left of a gap (m, bumper to bumper) beside the distance that the other car keeps."""
     after = rear + other.response_time * other.acceleration
     distance = (
-        0.5 * (rear + after) * other.response_time
-        + after * after / (2.0 * other.brake_min)
-        - front * front / (2.0 * other.brake_max)
+        _HALF * (rear + after) * other.response_time
+        + after * after * (_HALF / other.brake_min)
+        - front * front * (_HALF / other.brake_max)
     )
-    return gap - other.standing_gap - max(distance, 0.0)
+    return gap - other.standing_gap - (distance if distance > _ZERO else _ZERO)
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True, fastmath=FLOATING_POINT)
 def allowed(other: Disturbance, p_x: float, p_y: float, leftwards: float, v_r: float, v_o: float) -> Allowed:
     """Return what the other car may do in a state of the game.
 
@@ -123,26 +131,24 @@ def allowed(other: Disturbance, p_x: float, p_y: float, leftwards: float, v_r: f
         leftwards: v_r sin θ of the robot, m/s.
         v_r, v_o: m/s.
     """
-    bound = from_left = from_right = 0.0
-    if other.responsible:
-        behind = p_x > 0.0  # the other one is
-        rear = v_o if behind else v_r
-        front = v_r if behind else v_o
-        room = _room(other, abs(p_x) - other.length, rear, front)
-        near = 1.0 - _share(abs(p_y) - other.width, other.side_margin, other.side_margin + _BESIDE)
-        if behind:
-            towards = -leftwards if p_y > 0.0 else leftwards
-            in_lane = 1.0 - _share(abs(p_y), _IN_LANE, _OUT_OF_LANE)
-            staying = 1.0 - _share(towards, _STAYING, _MOVING)
-            bound = max(in_lane, near * staying) * (1.0 - _share(room, 0.0, _FOLLOWING))
-        withheld = near * (1.0 - _share(room, 0.0, _CUTTING_IN))
-        side = min(max(p_y / _STRAIGHT_AHEAD, -1.0), 1.0)
-        from_right, from_left = withheld * max(-side, 0.0), withheld * max(side, 0.0)
-    sine, most = math.sin(other.heading_max), other.acceleration_max
+    does_duties = _ONE if other.responsible else _ZERO
+    behind = p_x > _ZERO  # the other one is
+    rear = v_o if behind else v_r
+    front = v_r if behind else v_o
+    room = kept_room(other, abs(p_x) - other.length, rear, front)
+    beside = abs(p_y)
+    near = _ONE - ramp(beside - other.width, other.side_margin, other.side_margin + BESIDE)
+    towards = -leftwards if p_y > _ZERO else leftwards
+    in_lane = _ONE - ramp(beside, IN_LANE, OUT_OF_LANE)
+    staying = near * (_ONE - ramp(towards, STAYING, MOVING))
+    following = (in_lane if in_lane > staying else staying) * (_ONE - ramp(room, _ZERO, FOLLOWING))
+    bound = does_duties * (following if behind else _ZERO)
+    withheld = does_duties * near * (_ONE - ramp(room, _ZERO, _CUTTING_IN))
+    sine, most = np.sin(other.heading_max), other.acceleration_max
     return Allowed(
-        -sine * (1.0 - from_right),
-        sine * (1.0 - from_left),
-        other.acceleration_min * 1.0,
+        -sine * (_ONE - withheld * ramp(-p_y, _ZERO, _STRAIGHT_AHEAD)),
+        sine * (_ONE - withheld * ramp(p_y, _ZERO, _STRAIGHT_AHEAD)),
+        other.acceleration_min,
         most - bound * (most + other.brake_min),
     )
 
@@ -158,9 +164,9 @@ def worst_heading_sine(limits: Allowed, along: float, across: float) -> float:
     return limits.right if at_right > at_left else limits.left
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True, fastmath=FLOATING_POINT)
 def available_acceleration(limits: Allowed, v_o: float, slowest: float, fastest: float) -> tuple[float, float]:
     """Return the least and greatest a_o, m/s², that keep v_o within its limits, m/s; a car that stands stays there."""
-    least = max(limits.least, 0.0) if v_o <= slowest else limits.least
-    most = min(limits.most, 0.0) if v_o >= fastest else limits.most
-    return least, max(least, most)
+    least = _ZERO if (v_o <= slowest) & (limits.least < _ZERO) else limits.least
+    most = _ZERO if (v_o >= fastest) & (limits.most > _ZERO) else limits.most
+    return least, most if most > least else least

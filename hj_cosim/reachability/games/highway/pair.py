@@ -32,6 +32,7 @@ def of_pair(specification: TableSpecification, robot: RobotSettings, other: Size
         "length": 0.5 * (robot.length + other.length),
         "width": 0.5 * (robot.width + other.width),
         "lateral_acceleration_max": robot.lateral_acceleration_max,
+        "turned_length": robot.length if written["turned_length"] > 0.0 else 0.0,
     }
     changes = {name: value for name, value in pair.items() if value != written[name]}
     weaker = max(pair["acceleration_min"] - written["acceleration_min"], 0.0)

@@ -23,4 +23,5 @@ PARAMETERS = {
     "other_response_time": 1.0,  # s, with which it keeps RSS's distance
     "standing_gap": 2.0,  # m, that it leaves besides
     "side_margin": 1.0,  # m, that it leaves beside the robot
+    "turned_length": 0.0,  # m, of the robot's body, which V(0, ·) counts as turned by θ; 0, as in the paper: not turned
 }

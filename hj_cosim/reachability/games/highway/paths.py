@@ -13,11 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hj_cosim.reachability.games.highway.other_car import Disturbance
 from hj_cosim.reachability.games.highway.target import TargetFormula
 
 DURATION = 8.0  # s, of a manoeuvre
 _TURNING_STEP, _STRAIGHT_STEP = 0.1, 0.25  # s, between instants
 _INSTANT = 1e-9  # s; what is shorter is no step
+_TURN = 1e-9  # rad, likewise
+_SLOWEST = 1e-3  # m/s, below which tyres hold any turn
+_FINE_TURNING_STEP = 0.05  # s, where nothing is known of what lies between instants (`duty_bound`)
 # A robot that turns all the time, the beginning, and five ends: of what is held, of turning, of accelerating in each.
 MOST_INSTANTS = round(DURATION / _TURNING_STEP) + 10
 # Columns of a path: s, m, m; d_long's part as the rear and as the front car, m; the least |p_y| at which V(0, ·) > 0
@@ -26,13 +30,16 @@ TIME, X, Y, AS_REAR, AS_FRONT, LEFT, RIGHT = range(7)
 # And by how much, m, gaps may bend below the straight line from the instant before: behind the other car; ahead of it
 # while it accelerates, and at its top speed; on the left and on the right of it.
 BEND_BEHIND, BEND_AHEAD, BEND_AHEAD_OF_FASTEST, BEND_LEFT, BEND_RIGHT = range(7, 12)
-COLUMNS = 12
+# The robot's speed, and its speed to the left, m/s.
+SPEED, LEFTWARDS = range(12, 14)
+COLUMNS = 14
 
 
 class Game(NamedTuple):
     """What both cars can do, and V(0, ·)."""
 
     omega_max: float  # rad/s
+    sideways: float  # m/s², the most |v ω| that the robot's tyres hold
     speed_max: float  # m/s, of the robot
     duration: float  # s, of a manoeuvre, up to DURATION
     other_forward: float  # cos θ̄, the least of its speed that goes along the road
@@ -41,6 +48,9 @@ class Game(NamedTuple):
     other_acceleration_max: float
     other_speed_max: float  # m/s
     target: TargetFormula
+    other: (
+        Disturbance  # what is assumed of it; if it does its duties, a manoeuvre ends as soon as the robot is straight
+    )
 
 
 class Start(NamedTuple):
@@ -69,15 +79,17 @@ class Motion(NamedTuple):
 def _write_instant(target: TargetFormula, at: Motion, row: np.ndarray) -> None:
     """Write what the gaps need of the robot at one instant, but for how they bend before it."""
     turned = 0.5 * (target.length * abs(at.sin) + target.width * (1.0 + at.cos))  # between centres of touching bodies
+    sticking = target.sticking * abs(at.sin)
     row[TIME], row[X], row[Y] = at.time, at.x, at.y
     row[AS_REAR] = target.rear_0 + at.speed * (target.rear_1 + at.speed * target.rear_2)
     row[AS_FRONT] = target.front_2 * at.speed * at.speed
     leftwards = at.speed * at.sin
+    row[SPEED], row[LEFTWARDS] = at.speed, leftwards
     for side, column in ((1.0, LEFT), (-1.0, RIGHT)):
         towards = -side * leftwards
         after = max(towards + target.gained, 0.0)
         distance = max(target.lateral_0 + target.response * towards + target.lateral_2 * after * after, 0.0)
-        row[column] = max(target.width + distance, turned)
+        row[column] = max(target.width + sticking + distance, turned)
 
 
 @njit(cache=True)
@@ -94,6 +106,7 @@ def _lateral_bend(
     rate: tuple[float, float],
     curvature: tuple[float, float],
     turned: float,
+    sticking: float,
 ) -> float:
     """Return how fast a lateral distance may bend upwards at most, m/s², at least 0.
 
@@ -101,13 +114,14 @@ def _lateral_bend(
         target: its formula, d_lat(s).
         towards, rate, curvature: ranges of s, ds/dt and d²s/dt², of the robot's speed towards the other car's side.
         turned: m/s², likewise of the distance at which turned bodies touch.
+        sticking: m/s², likewise of what a turned body adds to d_lat.
     """
     steepest = target.response + 2.0 * target.lateral_2 * max(towards[1] + target.gained, 0.0)
     bend = steepest * max(-curvature[0], 0.0)
     if towards[0] + target.gained > 0.0:
         slowest = max(max(rate[0], -rate[1]), 0.0)
         bend -= 2.0 * target.lateral_2 * slowest * slowest
-    return max(max(bend, turned), 0.0)
+    return max(max(bend + sticking, turned), 0.0)
 
 
 @njit(cache=True)
@@ -146,11 +160,12 @@ def _write_bends(game: Game, before: Motion, after: Motion, omega: float, accele
         over = 0.125 * step * step * max(-curvature[0], curvature[1])
         ends = (before.speed * before.sin, after.speed * after.sin)
         leftwards = (min(ends[0], ends[1]) - over, max(ends[0], ends[1]) + over)
-        turned = 0.5 * omega * omega * (target.length * max(-sin[0], sin[1]) + target.width * cos[1])
-        left = _lateral_bend(
-            target, (-leftwards[1], -leftwards[0]), (-across[1], -across[0]), (-curvature[1], -curvature[0]), turned
-        )
-        right = _lateral_bend(target, leftwards, across, curvature, turned)
+        steepest = max(-sin[0], sin[1])
+        turned = 0.5 * omega * omega * (target.length * steepest + target.width * cos[1])
+        sticking = omega * omega * target.sticking * steepest
+        rightwards, away = (-leftwards[1], -leftwards[0]), (-across[1], -across[0])
+        left = _lateral_bend(target, rightwards, away, (-curvature[1], -curvature[0]), turned, sticking)
+        right = _lateral_bend(target, leftwards, across, curvature, turned, sticking)
     eighth = 0.125 * step * step
     row[BEND_BEHIND], row[BEND_AHEAD] = eighth * max(behind, 0.0), eighth * max(ahead, 0.0)
     row[BEND_AHEAD_OF_FASTEST] = eighth * max(fastest, 0.0)
@@ -179,6 +194,12 @@ def _moved(at: Motion, omega: float, acceleration: float, step: float) -> Motion
 
 
 @njit(cache=True)
+def turning_max(game: Game, speed: float) -> float:
+    """Return the largest |ω|, rad/s, at a speed, m/s: the robot's limit, and what its tyres hold."""
+    return min(game.omega_max, game.sideways / max(speed, _SLOWEST))
+
+
+@njit(cache=True)
 def write_path(game: Game, heading: float, acceleration: float, start: Start, path: np.ndarray) -> int:
     """Write the robot's path from the origin: a control for a while, then a manoeuvre.
 
@@ -196,13 +217,17 @@ def write_path(game: Game, heading: float, acceleration: float, start: Start, pa
     at = Motion(0.0, 0.0, 0.0, start.heading, speed, math.sin(start.heading), math.cos(start.heading))
     _write_instant(game.target, at, path[0])
     count, end = 1, start.held + game.duration
-    turning = abs(heading - start.heading - start.omega * start.held) / game.omega_max
-    direction = math.copysign(game.omega_max, heading - start.heading - start.omega * start.held)
-    while at.time < end - _INSTANT:
+    rest = heading - start.heading - start.omega * start.held  # rad, to turn by
+    finest = _FINE_TURNING_STEP if game.other.responsible else _TURNING_STEP
+    while at.time < end - _INSTANT and count < MOST_INSTANTS:
         if at.time < start.held - _INSTANT:
             omega, gain, step = start.omega, start.acceleration, start.held - at.time
-        elif turning > _INSTANT:
-            omega, gain, step = direction, acceleration, min(_TURNING_STEP, turning, end - at.time)
+        elif abs(rest) > _TURN:
+            fastest = min(max(at.speed, at.speed + acceleration * finest), game.speed_max)
+            omega = math.copysign(turning_max(game, fastest), rest)
+            gain, step = acceleration, min(finest, rest / omega, end - at.time)
+        elif game.other.responsible:
+            break
         else:
             omega, gain, step = 0.0, acceleration, min(_STRAIGHT_STEP, end - at.time)
         if gain != 0.0:
@@ -213,7 +238,7 @@ def write_path(game: Game, heading: float, acceleration: float, start: Start, pa
                 step = min(step, until)
         later = _moved(at, omega, gain, step)
         if at.time >= start.held - _INSTANT and omega != 0.0:
-            turning -= step
+            rest -= omega * step
         _write_instant(game.target, later, path[count])
         _write_bends(game, at, later, omega, gain, path[count])
         at = later

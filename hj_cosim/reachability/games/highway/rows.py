@@ -1,6 +1,11 @@
 """The rows of safety-preserving control in the highway game: min over w_o of ∇V·f >= 0, in closed form.
 
-Paper, section HJI Safety Controller. With ∇V = (V_x, V_y, V_θ, V_r, V_o), a row is V_θ ω + V_r a + c_0 >= 0 where
+Paper, section HJI Safety Controller; and beside each what may be kept instead of V. V(0, ·) is the greater of two
+distances, and V bends where they are equal: one falls there as the other takes over, and the row of the one would ask
+for what is not needed. V as it would be if the lesser distance alone were V(0, ·) is nowhere above V, so that V is kept
+by whoever keeps that.
+
+With ∇V = (V_x, V_y, V_θ, V_r, V_o), a row is V_θ ω + V_r a + c_0 >= 0 where
 
     c_0 = min over (θ_o, a_o) of (V_o a_o − V_x v_o cosθ_o − V_y v_o sinθ_o)  +  V_x v_r cosθ_r + V_y v_r sinθ_r.
 """
@@ -18,6 +23,8 @@ from hj_cosim.reachability.games.highway.other_car import (
     available_acceleration,
     worst_heading_sine,
 )
+from hj_cosim.reachability.games.highway.target import TargetFormula, terms_at
+from hj_cosim.reachability.table.value_scale import scaled, steepness, unscaled
 from hj_cosim.scene.observation import Cars
 
 
@@ -44,10 +51,58 @@ def worst_drift(gradient: np.ndarray, state: np.ndarray, other: Disturbance) -> 
 
 
 @njit(cache=True)
+def value_of_lesser_term(target: TargetFormula, state: np.ndarray, value: float, gradient: np.ndarray) -> float:
+    """Return what V would be by the lesser term of V(0, ·) alone, m, and turn ∇V into its gradient.
+
+    V is looked up as s(V) = s(V(0, ·)) − W (`table.lookup`): W and its slopes are those of V.
+
+    Args:
+        target: V(0, ·).
+        state: (5,) p_x, p_y (m), θ_r (rad), v_r, v_o (m/s).
+        value: V, m, finite.
+        gradient: (5,) ∇V; overwritten.
+    """
+    greater, lesser = terms_at(target, state[0], state[1], state[2], state[3], state[4])
+    scale, scale_lesser, scale_value = scaled(greater.value), scaled(lesser.value), scaled(value)
+    scale_found = scale_lesser - (scale - scale_value)
+    steep, of_greater, of_lesser = steepness(scale_found), 1.0 / steepness(scale), 1.0 / steepness(scale_lesser)
+    of_value = 1.0 / steepness(scale_value)
+    high = (greater.by_x, greater.by_y, greater.by_theta, greater.by_r, greater.by_o)
+    low = (lesser.by_x, lesser.by_y, lesser.by_theta, lesser.by_r, lesser.by_o)
+    for axis in range(5):
+        gradient[axis] = steep * (of_lesser * low[axis] - of_greater * high[axis] + of_value * gradient[axis])
+    return unscaled(scale_found)
+
+
+@njit(cache=True)
+def write_row(
+    target: TargetFormula, other: Disturbance, state: np.ndarray, value: float, gradient: np.ndarray, row: np.ndarray
+) -> None:
+    """Write V, the coefficients of ω and a, and c_0 of one car, and the same four of what may be kept instead.
+
+    Args:
+        target: V(0, ·).
+        other: what w_o is assumed to be.
+        state: (5,) p_x, p_y (m), θ_r (rad), v_r, v_o (m/s).
+        value, gradient: V, m, finite, and ∇V, (5,); left alone.
+        row: (8,), written.
+    """
+    row[0], row[1], row[2], row[3] = value, gradient[2], gradient[3], worst_drift(gradient, state, other)
+    instead = gradient.copy()
+    row[4] = value_of_lesser_term(target, state, value, instead)
+    row[5], row[6], row[7] = instead[2], instead[3], worst_drift(instead, state, other)
+
+
+@njit(cache=True)
 def _rows_of_cars(
-    robot: np.ndarray, cars: Cars, values: np.ndarray, gradients: np.ndarray, bound: float, other: Disturbance
+    robot: np.ndarray,
+    cars: Cars,
+    values: np.ndarray,
+    gradients: np.ndarray,
+    bound: float,
+    game: tuple[TargetFormula, Disturbance],
 ) -> tuple[np.ndarray, np.ndarray]:
-    chosen, rows = np.empty(len(values), np.int64), np.empty((4, len(values)))
+    chosen, rows = np.empty(len(values), np.int64), np.empty((len(values), 8))
     state = np.empty(5)
     count = 0
     for j in range(len(values)):
@@ -55,10 +110,9 @@ def _rows_of_cars(
             state[0], state[1] = robot[0] - cars.x[j], robot[1] - cars.y[j]
             state[2], state[3], state[4] = robot[2], robot[3], cars.speed[j]
             chosen[count] = j
-            rows[0, count], rows[1, count], rows[2, count] = values[j], gradients[j, 2], gradients[j, 3]
-            rows[3, count] = worst_drift(gradients[j], state, other)
+            write_row(game[0], game[1], state, values[j], gradients[j], rows[count])
             count += 1
-    return chosen[:count], rows[:, :count]
+    return chosen[:count], rows[:count].T.copy()
 
 
 def closed_rows(parameters: Mapping[str, float]) -> RowsOfCars:
@@ -67,12 +121,12 @@ def closed_rows(parameters: Mapping[str, float]) -> RowsOfCars:
     Args:
         parameters: all of a highway game.
     """
-    other = Disturbance.of_game(parameters)
+    game = TargetFormula.of_game(parameters), Disturbance.of_game(parameters)
 
     def rows_of_cars(
         robot: np.ndarray, cars: Cars, values: np.ndarray, gradients: np.ndarray, bound: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        chosen, rows = _rows_of_cars(robot, cars, values, gradients, bound, other)
+        chosen, rows = _rows_of_cars(robot, cars, values, gradients, bound, game)
         return chosen, rows
 
     return rows_of_cars

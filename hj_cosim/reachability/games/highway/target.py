@@ -20,11 +20,12 @@ _PARAMETERS = (
     "lateral_acceleration",
     "lateral_brake",
     "lateral_margin",
+    "turned_length",
 )
 
 
 class TargetFormula(NamedTuple):
-    """V(0, x) = max(|p_x| − length − d_long, 4 (|p_y| − width − d_lat)³) with RSS's distances as polynomials.
+    """V(0, x) = max(|p_x| − length − d_long, 4 (|p_y| − width − sticking |sin θ| − d_lat)³), as polynomials.
 
     d_long = [rear_0 + rear_1 v_rear + rear_2 v_rear² − front_2 v_front²]_+
     d_lat  = [lateral_0 + response s + lateral_2 [s + gained]_+²]_+, s the robot's speed towards the other car's side
@@ -40,8 +41,9 @@ class TargetFormula(NamedTuple):
     response: float  # s
     gained: float  # m/s, in the response time
     lateral_2: float  # s²/m
+    sticking: float  # m, half of what the robot's body is long: by so much times |sin θ| it reaches to either side
 
-    # Nine parameters: the formula's own, by the names that the game has for them.
+    # Ten parameters: the formula's own, by the names that the game has for them.
     @classmethod
     def of(
         cls,
@@ -54,6 +56,7 @@ class TargetFormula(NamedTuple):
         lateral_acceleration: float,
         lateral_brake: float,
         lateral_margin: float,
+        turned_length: float,
     ) -> "TargetFormula":
         """Return the formula for the parameters of `systems.highway`."""
         gained = response_time * acceleration
@@ -70,6 +73,7 @@ class TargetFormula(NamedTuple):
             response=response_time,
             gained=sideways,
             lateral_2=1.0 / (2.0 * lateral_brake),
+            sticking=0.5 * turned_length,
         )
 
     @classmethod
@@ -111,40 +115,69 @@ def target_at(formula: TargetFormula, p_x: float, p_y: float, theta: float, v_r:
     beside = abs(p_y) - formula.width
     if gap_x >= 4.0 * beside * beside * beside:  # whatever d_lat is: spares the sine
         return gap_x
-    leftwards = v_r * math.sin(theta)
-    gap_y = beside - _lateral_distance(formula, -_side_of(p_y, leftwards) * leftwards)
+    sin = math.sin(theta)
+    leftwards = v_r * sin
+    gap_y = beside - formula.sticking * abs(sin) - _lateral_distance(formula, -_side_of(p_y, leftwards) * leftwards)
     return max(gap_x, 4.0 * gap_y * gap_y * gap_y)
 
 
-@njit(cache=True)
-def target_and_gradient_at(
-    formula: TargetFormula, p_x: float, p_y: float, theta: float, v_r: float, v_o: float
-) -> tuple[float, float, float, float, float, float]:
-    """Return V(0, x), m, and its five slopes, per state unit.
+class Term(NamedTuple):
+    """One of the two distances of V(0, ·), m, and its slopes, per state unit."""
 
-    Where V(0, ·) has a kink, one of its one-sided slopes: |p_x| − d_long's where both terms of the maximum are equal,
-    those of a robot behind at p_x = 0, on the side that it moves away from at p_y = 0, and 0 where [·]_+ begins.
-    """
-    gap_x, longitudinal = _longitudinal_gap(formula, p_x, v_r, v_o)
-    beside = abs(p_y) - formula.width
-    if gap_x < 4.0 * beside * beside * beside:
-        sin = math.sin(theta)
-        leftwards = v_r * sin
-        side = _side_of(p_y, leftwards)
-        towards = -side * leftwards
-        lateral = _lateral_distance(formula, towards)
-        gap_y = beside - lateral
-        cubic = 4.0 * gap_y * gap_y * gap_y
-        if gap_x < cubic:
-            steep = 12.0 * gap_y * gap_y * side
-            rise = formula.response + 2.0 * formula.lateral_2 * max(towards + formula.gained, 0.0)
-            by_leftwards = steep * rise if lateral > 0.0 else 0.0
-            return cubic, 0.0, steep, by_leftwards * v_r * math.cos(theta), by_leftwards * sin, 0.0
+    value: float
+    by_x: float
+    by_y: float
+    by_theta: float
+    by_r: float
+    by_o: float
+
+
+@njit(cache=True)
+def _lateral_term(formula: TargetFormula, p_y: float, theta: float, v_r: float) -> Term:
+    """Return 4 (|p_y| − width − …)³; at p_y = 0 of the side that the robot moves away from, flat where [·]_+ begins."""
+    sin = math.sin(theta)
+    leftwards = v_r * sin
+    side = _side_of(p_y, leftwards)
+    towards = -side * leftwards
+    lateral = _lateral_distance(formula, towards)
+    gap = abs(p_y) - formula.width - formula.sticking * abs(sin) - lateral
+    steep = 12.0 * gap * gap
+    rise = side * steep * (formula.response + 2.0 * formula.lateral_2 * max(towards + formula.gained, 0.0))
+    by_leftwards = rise if lateral > 0.0 else 0.0
+    turning = -steep * formula.sticking * (math.copysign(1.0, sin) if sin != 0.0 else 0.0)
+    by_theta = (by_leftwards * v_r + turning) * math.cos(theta)
+    return Term(4.0 * gap * gap * gap, 0.0, steep * side, by_theta, by_leftwards * sin, 0.0)
+
+
+@njit(cache=True)
+def _longitudinal_term(formula: TargetFormula, p_x: float, v_r: float, v_o: float) -> Term:
+    """Return |p_x| − length − d_long; at p_x = 0 of a robot behind, flat where [·]_+ begins."""
+    gap, longitudinal = _longitudinal_gap(formula, p_x, v_r, v_o)
     ahead = p_x > 0.0
     rear, front = (v_o if ahead else v_r), (v_r if ahead else v_o)
     grows = 1.0 if longitudinal > 0.0 else 0.0
     by_rear = -grows * (formula.rear_1 + 2.0 * formula.rear_2 * rear)
     by_front = grows * 2.0 * formula.front_2 * front
     if ahead:
-        return gap_x, 1.0, 0.0, 0.0, by_front, by_rear
-    return gap_x, -1.0, 0.0, 0.0, by_rear, by_front
+        return Term(gap, 1.0, 0.0, 0.0, by_front, by_rear)
+    return Term(gap, -1.0, 0.0, 0.0, by_rear, by_front)
+
+
+@njit(cache=True)
+def terms_at(formula: TargetFormula, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> tuple[Term, Term]:
+    """Return both terms of V(0, x), the greater one, which it is, first."""
+    along, across = _longitudinal_term(formula, p_x, v_r, v_o), _lateral_term(formula, p_y, theta, v_r)
+    return (along, across) if along.value >= across.value else (across, along)
+
+
+@njit(cache=True)
+def target_and_gradient_at(
+    formula: TargetFormula, p_x: float, p_y: float, theta: float, v_r: float, v_o: float
+) -> Term:
+    """Return V(0, x) and its five slopes: those of the term along the road where both are equal."""
+    along = _longitudinal_term(formula, p_x, v_r, v_o)
+    beside = abs(p_y) - formula.width
+    if along.value >= 4.0 * beside * beside * beside:  # whatever d_lat is: spares the sine
+        return along
+    across = _lateral_term(formula, p_y, theta, v_r)
+    return along if along.value >= across.value else across
