@@ -86,12 +86,14 @@ def whole_path(text: str, what: str) -> str:
 
 
 def whole_name(name: str, what: str) -> str:
-    """Return what means the same in every folder: a name as it is, a path to a TOML file or a table as a whole one.
+    """Return what means the same in every folder: a name as it is, and as a whole path one to a file that users write.
+
+    Such files are TOML files, tables and SUMO's configurations.
 
     Raises:
         ConfigurationError: as whole_path.
     """
-    return whole_path(name, what) if name.endswith((".toml", ".npz")) else name
+    return whole_path(name, what) if name.endswith((".toml", ".npz", ".sumocfg")) else name
 
 
 # Where Python files of users' own are read that another machine sent along, by their places there.

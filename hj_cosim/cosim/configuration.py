@@ -6,6 +6,7 @@ from typing import Any
 
 import tomli_w
 
+from hj_cosim.cosim.motion import require_bends
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import scenarios_folder, whole_name
 from hj_cosim.plugins import FILTER, PLANNER, find_plugin, options_of, whole_reference
@@ -19,9 +20,9 @@ from hj_cosim.settings import (
     shown,
     validate,
 )
-from hj_cosim.traffic.network import read_road
+from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.placement import initial_traffic
-from hj_cosim.traffic.sources.scenarios import network_path, scenario_data, scenario_path
+from hj_cosim.traffic.sources.scenarios import network_path, own_path, scenario_data, scenario_path
 
 
 def resolve_config(
@@ -62,6 +63,8 @@ def resolve_config(
     data = overlay(data, {"scenario": given})
     config = validate(EpisodeConfig, data, source, table="scenario")
     data = overlay(data, {"scenario": {"network": {"file": _network_file(config, folder)}}})
+    if config.scenario.own.is_given:
+        data = overlay(data, {"scenario": {"own": {"file": str(own_path(config.scenario.own.file, folder))}}})
     config = _with_layers(data, layers)
     config = _with_plugins(config).model_copy(update={"table": whole_name(config.table, "table =")})
     _require_room(config)
@@ -108,8 +111,14 @@ def _require_room(config: EpisodeConfig) -> None:
     Raises:
         NetworkError, ScenarioError: as the world would, which builds the same.
     """
+    if config.scenario.own.is_given:
+        own_path(config.scenario.own.file)
+        return  # what drives there is found when it runs
     network = config.scenario.network
-    initial_traffic(config.scenario, read_road(network_path(network), network.edge), config.robot, config.seed)
+    path = network_path(network)
+    road, _ = read_network(path, network)
+    require_bends(road, config.robot, str(path))
+    initial_traffic(config.scenario, road, config.robot, config.seed)
 
 
 def stack_flags(

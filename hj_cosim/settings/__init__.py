@@ -18,6 +18,7 @@ from hj_cosim.settings.layers import (
     shown,
     validate,
 )
+from hj_cosim.settings.own_simulation import OwnSimulationSettings
 from hj_cosim.settings.planner import MOST_PREDICTION_STEPS, PlannerSettings
 from hj_cosim.settings.robot import RobotSettings, TrackingSettings
 from hj_cosim.settings.scenario import (
@@ -27,6 +28,7 @@ from hj_cosim.settings.scenario import (
     NormalDistribution,
     RobotStart,
     Scenario,
+    StreamSettings,
     TrafficSettings,
 )
 from hj_cosim.settings.table import Boundary, GridSettings, Scheme, TableSpecification
@@ -47,6 +49,7 @@ __all__ = [
     "GridSettings",
     "NetworkSettings",
     "NormalDistribution",
+    "OwnSimulationSettings",
     "PlannerSettings",
     "RobotSettings",
     "RobotStart",
@@ -56,6 +59,7 @@ __all__ = [
     "SettingEntry",
     "Settings",
     "SimulationSettings",
+    "StreamSettings",
     "TableSpecification",
     "TrackingSettings",
     "TrafficSettings",

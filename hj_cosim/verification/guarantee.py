@@ -66,6 +66,8 @@ class RolloutSettings:
     model: Model = "game"  # how the robot moves: as the table assumes, or as the bicycle does
     others: Others = "adversary"  # who the other cars are: the worst for V, or IDM drivers that keep their lane
     cars: int = 1  # other cars, each of them a pair with V just above ε
+    curvature: float = 0.0  # 1/m, of the road at d = 0; both cars are in the world, the filter in the road frame
+    half_wave: float = math.inf  # m, in which the road turns over to the other side, as an S does
     band: float = 0.5  # m; starts have ε < V <= ε + band
     seed: int = 0
 
@@ -170,6 +172,8 @@ def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, r
         wheelbase=robot.wheelbase,
         length=robot.length,
         width=robot.width,
+        curvature=settings.curvature,
+        half_wave=settings.half_wave,
     )
 
 

@@ -63,7 +63,7 @@ def promise_kept(
     """
     if not decision.constrained or not decision.meetable:
         return None
-    rates = realised_value_rates(table, before, after, decision.rows.vehicle)
+    rates = realised_value_rates(table, before.as_cars, after.as_cars, decision.rows.vehicle)
     rates = rates[~np.isnan(rates)]
     if len(rates) == 0:
         return None
