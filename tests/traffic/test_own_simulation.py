@@ -240,3 +240,19 @@ def test_the_planner_is_told_what_is_known_of_those_near_by_their_types(tmp_path
         assert driver.desired_speed.mean == pytest.approx(share * 23.0 + (1.0 - share) * 33.0, abs=1.5)
         assert driver.max_acceleration.deviation == 0.0
         assert "the planner predicts the others as MOBIL and IDM drivers with desired_speed" in world.told
+
+
+def test_a_lorry_that_slides_into_the_next_lane_while_it_stands_is_not_turned_across_the_road(tmp_path):
+    with open_own(simulation(tmp_path), ego="cars.3", begin=15.0, near=600.0) as world:
+        libsumo.vehicle.setPreviousSpeed("lorries.0", 0.3)
+        libsumo.vehicle.setSpeed("lorries.0", 0.3)
+        libsumo.vehicle.setLaneChangeMode("lorries.0", 0)
+        libsumo.vehicle.changeLane("lorries.0", 1, 30.0)
+        headings, lateral = [], []
+        for _, seen in drive(world, 250, 5.0):
+            car = np.flatnonzero(seen.vehicle == world.vehicle_names.index("lorries.0"))
+            headings.append(float(seen.heading[car][0]))
+            lateral.append(float(seen.y[car][0]))
+    assert max(lateral) == pytest.approx(3.5)
+    assert np.abs(np.diff(lateral)).max() < 0.05
+    assert 0.05 < max(np.abs(headings)) < 0.2
