@@ -94,7 +94,7 @@ def drive(
     simulation, robot = config.simulation, config.robot
     samples = max(round(simulation.duration / simulation.step), 1)
     samples_per_plan = max(round(simulation.plan_period / simulation.step), 1)
-    recorder = Recorder(samples, len(world.vehicle_names))
+    recorder = Recorder(samples, len(world.vehicle_names), config.robot)
     guarded_planner = GuardedPlanner(planner, world.road)
     guarded_filter = GuardedFilter(safety_filter, robot)
     observation = _observe(world)

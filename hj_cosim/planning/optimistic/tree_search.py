@@ -172,26 +172,6 @@ def search(
 
 
 @njit(cache=True, error_model="numpy")
-def roll_out(
-    tree: Tree, chosen: np.ndarray, scene: Scene, bodies: np.ndarray, prediction: PredictionModel, speed_step: float
-) -> None:
-    """Predict a sequence of actions from the root: node d + 1 is what the d-th action leads to.
-
-    Args:
-        tree: whose node 0 is the root; as many more nodes are written as there are actions.
-        chosen: (D,) int64, the actions; it is the caller's business that they exist.
-        scene, bodies, prediction: as for `search`.
-        speed_step: m/s.
-    """
-    for node in range(len(chosen)):
-        action = chosen[node]
-        lane = tree.nodes[node].planned_lane + LANE_CHANGE[action]
-        speed = tree.nodes[node].planned_speed + SPEED_CHANGE[action] * speed_step
-        robot = open_node(tree, node, scene, bodies, prediction)
-        add_child(tree, node, node + 1, PlannedState(action, lane, speed), scene, robot, prediction)
-
-
-@njit(cache=True, error_model="numpy")
 def open_node(tree: Tree, node: int, scene: Scene, bodies: np.ndarray, prediction: PredictionModel) -> int:
     """Prepare what the children of a node share, and return the robot's column of the scene."""
     robot = open_scene(tree.state[node], tree.place[node], scene.state, scene.place, bodies)
