@@ -10,8 +10,8 @@ from hj_cosim.scene.road import Road
 from hj_cosim.traffic.sumo.session import libsumo
 from hj_cosim.traffic.sumo_lanes import SumoLanes
 
-# m, by which a car's way in a step may differ from its speed times the step; it has entered another lane where it does.
-_SAME_LANE = 1e-6
+# m/s², no car accelerates or brakes as hard; a lane of SUMO's is 0.1 m long at least.
+HARDEST = 9.9
 _ALL_ALONG = (-math.inf, math.inf)
 
 
@@ -84,35 +84,42 @@ class EdgePlaces:
 class RoutePlaces:
     """Places on a route.
 
-    A lane's name is read only when a car's way in a step is not its speed times the step: then it has come into
-    another edge, whose positions count from 0 again.
+    A car's lane is looked up only when its way in a step would be more of a jerk than a car is capable of: then it has
+    come into another edge, whose positions count from 0 again. No lane is as short as to hide that.
     """
 
     def __init__(self, road: Road, lanes: SumoLanes) -> None:
         self._road = road
         self._lanes = lanes
         self._names: Sequence[str] = ()
-        self._position = self._start = self._scale = np.empty(0)
+        self._position = self._speed = self._start = self._scale = np.empty(0)
         self._seen = np.empty((0, 2))  # between which lane positions
 
     def read(self, names: Sequence[str], step: float) -> tuple[np.ndarray, np.ndarray | None]:
         """Return where the fronts are, in the first lap, NaN of those out of sight, and SUMO's own speeds."""
         vehicle, count = libsumo.vehicle, len(names)
         position = np.fromiter(map(vehicle.getLanePosition, names), float, count)
-        speed = np.fromiter(map(vehicle.getSpeed, names), float, count)
-        if names is not self._names or count != len(self._position):
+        moved: Sequence[int] = ()
+        if names is self._names and count == len(self._position):
+            # SUMO moves a car by its new speed times the step, so its way is its speed while it is in a lane.
+            speed = (position - self._position) / step
+            hasty = np.abs(speed - self._speed) > HARDEST * step
+            if hasty.any():
+                moved = np.flatnonzero(hasty).tolist()
+        else:
             self._names, self._start, self._scale = names, np.empty(count), np.empty(count)
             self._seen = np.empty((count, 2))
-            moved: Sequence[int] = range(count)
-        else:
-            moved = np.flatnonzero(np.abs(position - self._position - speed * step) > _SAME_LANE).tolist()
+            speed, moved = np.empty(count), range(count)
         for car in moved:
             place = self._lanes.by_name.get(vehicle.getLaneID(names[car]))
             self._start[car], self._scale[car] = (math.nan, 1.0) if place is None else (place.start, place.scale)
             self._seen[car] = _ALL_ALONG if place is None or place.beside is None else place.beside.seen
-        self._position = position
+            speed[car] = vehicle.getSpeed(names[car])
+        self._position, self._speed = position, speed
         fronts = self._start + self._scale * position
-        return np.where((position < self._seen[:, 0]) | (position > self._seen[:, 1]), math.nan, fronts), speed
+        if self._lanes.ramps:
+            fronts[(position < self._seen[:, 0]) | (position > self._seen[:, 1])] = math.nan
+        return fronts, speed
 
     def knows(self, name: str) -> bool:
         """Return whether a vehicle is on the route, or on a ramp's part that is near it; see Places."""
