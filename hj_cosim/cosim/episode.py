@@ -32,6 +32,7 @@ from hj_cosim.recording.run_folder import Keep, write_run
 from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target, is_possible
 from hj_cosim.settings import EpisodeConfig
 from hj_cosim.traffic.contract import World
+from hj_cosim.traffic.sumo.own_world import OwnWorld
 from hj_cosim.traffic.sumo.world import SumoWorld
 from hj_cosim.vehicles.bicycle import steering_for
 from hj_cosim.verification.promise_audit import PromiseAudit
@@ -49,6 +50,7 @@ class Episode:
     drivers: np.ndarray  # (J, 6) the background drivers' IDM parameters, in the order of vehicles.idm
     timing: Mapping[str, float]  # what depends on the machine
     folder: Path | None = None  # the run's folder, where it was written
+    notes: str | None = None  # TOML: what was chosen, overridden and silenced in a user's own simulation
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ def drive(
     simulation, robot = config.simulation, config.robot
     samples = max(round(simulation.duration / simulation.step), 1)
     samples_per_plan = max(round(simulation.plan_period / simulation.step), 1)
-    recorder = Recorder(samples, len(world.vehicle_names))
+    recorder = Recorder(samples, len(world.vehicle_names), config.robot)
     guarded_planner = GuardedPlanner(planner, world.road)
     guarded_filter = GuardedFilter(safety_filter, robot)
     observation = _observe(world)
@@ -162,13 +164,33 @@ def _collided(observation: Observation, config: EpisodeConfig) -> bool:
     )
 
 
-def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | None = None) -> Episode:
+def open_world(config: EpisodeConfig) -> SumoWorld | OwnWorld:
+    """Return the world of a configuration: a scenario's, or a user's own simulation.
+
+    Raises:
+        ConfigurationError, NetworkError, ScenarioError: if it cannot be built.
+        SimulationError: if SUMO does not start.
+    """
+    scenario, robot, seed, simulation = config.scenario, config.robot, config.seed, config.simulation
+    if scenario.own.is_given:
+        fastest = config.planner.speed_high
+        return OwnWorld(scenario, robot, seed, simulation.step, simulation.traffic_step, fastest)
+    return SumoWorld(scenario, robot, seed, simulation.step, traffic_step=simulation.traffic_step)
+
+
+def run_in_sumo(
+    config: EpisodeConfig,
+    table: ValueTable,
+    progress: Progress | None = None,
+    announce: Callable[[str], None] | None = None,
+) -> Episode:
     """Drive one episode in SUMO.
 
     Args:
         config: what to run.
         table: the solved value table that planner and filter share.
         progress: called with the samples driven and the samples in all, once a plan.
+        announce: told what was chosen, overridden and silenced in a user's own simulation, before the drive.
 
     Raises:
         NetworkError, ScenarioError: if the world cannot be built.
@@ -177,15 +199,19 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
     """
     require_robot(table, config.robot)
     started = time.perf_counter()
-    with SumoWorld(config.scenario, config.robot, config.seed, config.simulation.step) as world:
+    with open_world(config) as world:
+        if announce is not None and isinstance(world, OwnWorld):
+            announce(world.told)
         world.settle(config.simulation.settle_time)
-        planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, table)
+        drivers = world.predicted if isinstance(world, OwnWorld) else config.scenario.drivers
+        planner = make_planner(config.planner, config.robot, drivers, world.road, table)
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
         audit = PromiseAudit(table.arrays, promises=isinstance(safety_filter, SafetyPreservingFilter))
         driven = drive(world, planner, safety_filter, table, config, audit, progress)
     wall_seconds = time.perf_counter() - started
     summary = summarize(driven.record, config, audit.summary() | fallback_summary(driven.diagnostics))
-    return Episode(config, driven.record, summary, world.drivers, timing(summary, wall_seconds))
+    notes = world.told if isinstance(world, OwnWorld) else None
+    return Episode(config, driven.record, summary, world.drivers, timing(summary, wall_seconds), notes=notes)
 
 
 def fallback_summary(diagnostics: Mapping[str, float]) -> dict[str, float]:
@@ -213,4 +239,6 @@ def write_episode(episode: Episode, folder: Path, keep: Keep = "all") -> None:
     """
     require_declared(episode.summary)
     config_text = config_toml(episode.config)
-    write_run(folder, episode.record, config_text, episode.summary, episode.drivers, keep, episode.timing)
+    write_run(
+        folder, episode.record, config_text, episode.summary, episode.drivers, keep, episode.timing, episode.notes
+    )

@@ -14,6 +14,7 @@ from hj_cosim.settings.base import (
     Settings,
     Unit,
 )
+from hj_cosim.settings.own_simulation import OwnSimulationSettings
 
 
 class NormalDistribution(Settings):
@@ -145,6 +146,7 @@ class Scenario(Settings):
     traffic: TrafficSettings = Field(TrafficSettings(), description="the cars that are drawn")
     drivers: DriverSettings = Field(DriverSettings(), description="their drivers")
     robot: RobotStart = Field(RobotStart(), description="where the robot starts")
+    own: OwnSimulationSettings = Field(OwnSimulationSettings(), description="a user's own simulation to drive in")
     cars: tuple[CarStart, ...] = Field((), description="cars at given places, beside the drawn ones")
     streams: tuple[StreamSettings, ...] = Field((), description="cars that come later, where the road is a route")
 

@@ -1,7 +1,6 @@
 """The planners OP and HJOP: optimistic planning with the paper's reward, without and with the HJI term."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -27,7 +26,6 @@ from hj_cosim.planning.optimistic.tree_search import (
     Tree,
     empty_tree,
     outermost_lanes,
-    roll_out,
     search,
 )
 from hj_cosim.reachability.table.table import ValueTable
@@ -162,20 +160,6 @@ class OptimisticPlanner:
         """Compile the search, with a plan that nobody follows; it does not change what `plan` answers."""
         along, lateral, _, speed = observation.robot.tolist()
         self.plan(observation, Target(self._road.lane_at(lateral, along), speed))
-
-    def predict(self, observation: Observation, previous: Target, actions: Sequence[int]) -> PredictedTrajectory:
-        """Return what the model expects of a given sequence of actions.
-
-        Args:
-            observation, previous: as for `plan`.
-            actions: one for each action time; that they exist is not checked.
-        """
-        cars, bodies = self._enter(observation)
-        tree = empty_tree(max(len(actions), 1), len(cars) + 1)
-        self._plant_root(tree, observation, cars, previous)
-        chosen = np.array(actions, dtype=np.int64)
-        roll_out(tree, chosen, self._scene, bodies, self._prediction, self._settings.speed_step)
-        return self._trajectory(tree, np.arange(len(actions) + 1), observation, cars)
 
     def _enter(self, observation: Observation) -> tuple[np.ndarray, np.ndarray]:
         """Return the indices of the cars that enter the tree, and the bodies (J + 1, 2) of all, the robot's first."""

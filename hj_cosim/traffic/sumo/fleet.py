@@ -5,7 +5,6 @@ IDM is SUMO's, MOBIL ours. A car between two lanes is read completely; of the ot
 
 import math
 from collections.abc import Callable, Collection
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +13,9 @@ from hj_cosim.scene.road import Road
 from hj_cosim.settings import RobotSettings
 from hj_cosim.traffic.lane_changes import DrivingCars, wanted_lanes
 from hj_cosim.traffic.sources.placement import InitialTraffic
+from hj_cosim.traffic.sumo.between_steps import BetweenSteps, Motion
+from hj_cosim.traffic.sumo.fleet_rows import FleetArrays
+from hj_cosim.traffic.sumo.known_drivers import estimated_driver
 from hj_cosim.traffic.sumo.places import EdgePlaces, Places, RoutePlaces, nearest_lap
 from hj_cosim.traffic.sumo.puppet import Placement
 from hj_cosim.traffic.sumo.session import libsumo
@@ -35,35 +37,6 @@ DECISION_TURNS = 10  # a tenth of the cars decides every tenth of the period
 NEVER_ITS_TURN = -1  # of who decides elsewhere: the robot, and cars that are not ours
 # Nearer than this to a lane's centre line (m), a car is not between lanes; a step of a change moves it 0.03 m.
 ON_CENTRE_LINE = 1e-3
-USUAL_EXPONENT = 4.0  # IDM's, which SUMO has no getter for
-
-
-class FleetArrays(NamedTuple):
-    """The J cars on the road, a row each, and in a last row the robot, which the others take for one of them."""
-
-    number: np.ndarray  # (J + 1,) int, as World has it; the robot's means nothing
-    turn: np.ndarray  # (J + 1,) int, when it decides, or NEVER_ITS_TURN
-    x: np.ndarray  # (J + 1,) m, like all positions of its centre
-    y: np.ndarray  # (J + 1,) m
-    heading: np.ndarray  # (J + 1,) rad
-    speed: np.ndarray  # (J + 1,) m/s
-    acceleration: np.ndarray  # (J + 1,) m/s²
-    lane: np.ndarray  # (J + 1,) int
-    target_lane: np.ndarray  # (J + 1,) int, where a change in progress leads
-    second_lane: np.ndarray  # (J + 1,) int, the other lane that it is in meanwhile
-    length: np.ndarray  # (J + 1,) m
-    width: np.ndarray  # (J + 1,) m
-    driver: np.ndarray  # (J + 1, 6) IDM parameters; an estimate where the car is not ours
-
-    def only(self, stays: np.ndarray) -> "FleetArrays":
-        """Return the rows of a mask (J + 1,)."""
-        return FleetArrays(*(column[stays] for column in self))
-
-    def with_car(self, car: "FleetArrays") -> "FleetArrays":
-        """Return the rows with one more (of one row) before the robot's."""
-        return FleetArrays(
-            *(np.concatenate([column[:-1], new, column[-1:]]) for column, new in zip(self, car, strict=True))
-        )
 
 
 class Fleet:
@@ -81,6 +54,8 @@ class Fleet:
         robot_driver: np.ndarray,
         road: Road,
         lanes: SumoLanes | None = None,
+        *,
+        is_seen_between_steps: bool = False,
     ) -> None:
         """Take over cars that SUMO has inserted.
 
@@ -91,9 +66,12 @@ class Fleet:
             robot_driver: (6,) what the others' MOBIL takes the robot to be.
             road: the road.
             lanes: what SUMO calls its lanes, if it is a route.
+            is_seen_between_steps: whether the cars are observed between two steps too; SUMO has to be ballistic then.
         """
         self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(road, lanes)
         self._lanes_end = lanes is not None and lanes.differ
+        self._is_seen_between_steps = is_seen_between_steps
+        self._latest_step: BetweenSteps | None = None
         for name in names:
             libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE + STRATEGIC * self._lanes_end)
         self.vehicle_names = list(names)
@@ -141,23 +119,33 @@ class Fleet:
         unknown = np.full((len(self.vehicle_names) - len(self._known_drivers), len(PARAMETER_NAMES)), math.nan)
         return np.vstack([self._known_drivers, unknown])
 
-    def observe(self, time: float, robot: np.ndarray) -> Observation:
-        """Return what the robot (4,) sees at a time (s)."""
-        rows = self._rows  # what is replaced in every step is handed out as it is, what is changed in place is copied
+    def observe(self, time: float, robot: np.ndarray, robot_acceleration: float, elapsed: float = 0.0) -> Observation:
+        """Return what the robot sees.
+
+        Args:
+            time: s.
+            robot: (4,) its state, in the road frame.
+            robot_acceleration: m/s².
+            elapsed: s since the latest step that was read began, at an instant before its end; 0 at its end.
+        """
+        rows = self._rows
+        between = self._latest_step
+        motion = rows.motion() if between is None or elapsed == 0.0 else between.at(elapsed)
+        cars = slice(len(motion.x))  # those that have entered in the step come last, and are there when it ends
         return Observation(
             time=time,
             robot=robot,
-            robot_acceleration=float(rows.acceleration[-1]),
-            vehicle=rows.number[:-1],
-            x=rows.x[:-1],
-            y=rows.y[:-1].copy(),
-            heading=rows.heading[:-1].copy(),
-            speed=rows.speed[:-1],
-            acceleration=rows.acceleration[:-1],
-            lane=rows.lane[:-1].copy(),
-            target_lane=rows.target_lane[:-1].copy(),
-            length=rows.length[:-1],
-            width=rows.width[:-1],
+            robot_acceleration=robot_acceleration,
+            vehicle=rows.number[cars],
+            x=motion.x,
+            y=motion.y,
+            heading=motion.heading,
+            speed=motion.speed,
+            acceleration=motion.acceleration,
+            lane=motion.lane,
+            target_lane=rows.target_lane[cars].copy(),
+            length=rows.length[cars],
+            width=rows.width[cars],
         )
 
     def request_lane_changes(self, turn: int, mobil: np.ndarray, step: float) -> None:
@@ -185,6 +173,12 @@ class Fleet:
             rows.target_lane[car] = wanted[car]
             self._changing.append(int(car))
 
+    def correct_robot(self, state: np.ndarray, acceleration: float) -> None:
+        """Take over the robot's state (4,), road frame, which was foreseen when the last step began, and its m/s²."""
+        rows = self._rows
+        rows.x[-1], rows.y[-1], rows.heading[-1], rows.speed[-1] = state
+        rows.acceleration[-1] = acceleration
+
     def move_robot(self, robot: Placement) -> None:
         """Take over which lanes the robot will be in when the step ends."""
         lane = self._rows.lane, self._rows.target_lane, self._rows.second_lane
@@ -207,13 +201,20 @@ class Fleet:
             self._elsewhere = [name for name in self._elsewhere if name not in arrived]
             self._forget(arrived)
         rows = self._rows
+        before = (rows.number[:-1], rows.motion()) if self._is_seen_between_steps else None
         x = np.empty(len(rows.x))
         x[:-1], own_speed = self._places.read(self._names, step)
         x -= self._front_offset
         x[-1] = robot_state[0]
         if self._road.lap:
             x = nearest_lap(x, self._road.lap, float(x[-1]))
-        speed = (x - rows.x) / step if own_speed is None else np.append(own_speed, 0.0)
+        if own_speed is not None:
+            speed = np.append(own_speed, 0.0)
+        elif self._is_seen_between_steps:
+            speed = np.append(np.fromiter(map(libsumo.vehicle.getSpeed, self._names), float, len(self._names)), 0.0)
+        else:
+            # SUMO moves a car by its new speed times the step, so its way is its speed: one getter a car, not two.
+            speed = (x - rows.x) / step
         speed[-1] = robot_state[3]
         acceleration = (speed - rows.speed) / step
         acceleration[-1] = robot_acceleration
@@ -227,6 +228,8 @@ class Fleet:
         for car in self._not_ours:
             self._follow_change(car)
             self._read_sideways(car, step)
+        if before is not None:
+            self._latest_step = self._between(*before, step)
         if libsumo.simulation.getDepartedNumber():
             self._elsewhere += filter(is_car, libsumo.simulation.getDepartedIDList())
         if self._elsewhere:
@@ -234,6 +237,17 @@ class Fleet:
             self._elsewhere = [name for name in self._elsewhere if name not in coming]
             for name in coming:
                 self._admit(name, step)
+
+    def _between(self, numbers: np.ndarray, before: Motion, step: float) -> BetweenSteps:
+        """Return how the cars that are still there moved in the step that has just been read; theirs were `numbers`."""
+        after = self._rows.motion()
+        if len(after.x) < len(before.x):
+            stays = np.isin(numbers, self._rows.number[:-1])
+            before = Motion(*(column[stays] for column in before))
+        lap = self._road.lap
+        if lap:  # whoever is half a lap away from the robot changes to the other side of it
+            before = before._replace(x=before.x + lap * np.round((after.x - before.x) / lap))
+        return BetweenSteps(before, after, step, self._road)
 
     def is_beside_robot(self) -> bool:
         """Return whether a car lies alongside the robot in a lane that both are in: it hits that car, or crowds it."""
@@ -306,7 +320,7 @@ class Fleet:
         }
         one |= {"lane": lane, "target_lane": lane, "second_lane": lane, "y": self._places.centre(name, lane, x)}
         columns = {key: np.array([value]) for key, value in one.items()}
-        self._set_rows(rows.with_car(FleetArrays(driver=_estimated_driver(name)[np.newaxis], **columns)))
+        self._set_rows(rows.with_car(FleetArrays(driver=estimated_driver(name)[np.newaxis], **columns)))
         self._not_ours.append(len(self._names))
         self._names.append(name)
         robot = len(self._names)  # its row has moved down by one
@@ -323,11 +337,3 @@ class Fleet:
         self._names = [name for name in self._names if name not in arrived]
         self._order = renumbered[self._order[stays[self._order]]]
         self._set_rows(self._rows.only(stays))
-
-
-def _estimated_driver(name: str) -> np.ndarray:
-    """Return what IDM's parameters (6,) are of a vehicle of SUMO's, as far as its own car-following model has them."""
-    vehicle = libsumo.vehicle
-    desired_speed = min(vehicle.getMaxSpeed(name), vehicle.getAllowedSpeed(name))
-    getters = (vehicle.getAccel, vehicle.getDecel, vehicle.getTau, vehicle.getMinGap)
-    return np.array([desired_speed, *(getter(name) for getter in getters), USUAL_EXPONENT])

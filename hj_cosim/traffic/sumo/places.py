@@ -10,8 +10,8 @@ from hj_cosim.scene.road import Road
 from hj_cosim.traffic.sumo.session import libsumo
 from hj_cosim.traffic.sumo_lanes import SumoLanes
 
-# m/s², no car accelerates or brakes as hard; a lane of SUMO's is 0.1 m long at least.
-HARDEST = 9.9
+# m, by which a car's way in a step may differ from its speed times the step; it has entered another lane where it does.
+_SAME_LANE = 1e-6
 _ALL_ALONG = (-math.inf, math.inf)
 
 
@@ -84,8 +84,8 @@ class EdgePlaces:
 class RoutePlaces:
     """Places on a route.
 
-    A car's lane is looked up only when its way in a step would be more of a jerk than a car is capable of: then it has
-    come into another edge, whose positions count from 0 again. No lane is as short as to hide that.
+    A lane's name is read only when a car's way in a step is not its speed times the step, the new one or, where SUMO is
+    ballistic, the mean one: then it has come into another edge, whose positions count from 0 again.
     """
 
     def __init__(self, road: Road, lanes: SumoLanes) -> None:
@@ -99,22 +99,19 @@ class RoutePlaces:
         """Return where the fronts are, in the first lap, NaN of those out of sight, and SUMO's own speeds."""
         vehicle, count = libsumo.vehicle, len(names)
         position = np.fromiter(map(vehicle.getLanePosition, names), float, count)
-        moved: Sequence[int] = ()
-        if names is self._names and count == len(self._position):
-            # SUMO moves a car by its new speed times the step, so its way is its speed while it is in a lane.
-            speed = (position - self._position) / step
-            hasty = np.abs(speed - self._speed) > HARDEST * step
-            if hasty.any():
-                moved = np.flatnonzero(hasty).tolist()
-        else:
+        speed = np.fromiter(map(vehicle.getSpeed, names), float, count)
+        if names is not self._names or count != len(self._position):
             self._names, self._start, self._scale = names, np.empty(count), np.empty(count)
             self._seen = np.empty((count, 2))
-            speed, moved = np.empty(count), range(count)
+            moved: Sequence[int] = range(count)
+        else:
+            way = position - self._position
+            unlike = np.minimum(np.abs(way - speed * step), np.abs(way - 0.5 * (self._speed + speed) * step))
+            moved = np.flatnonzero(unlike > _SAME_LANE).tolist()
         for car in moved:
             place = self._lanes.by_name.get(vehicle.getLaneID(names[car]))
             self._start[car], self._scale[car] = (math.nan, 1.0) if place is None else (place.start, place.scale)
             self._seen[car] = _ALL_ALONG if place is None or place.beside is None else place.beside.seen
-            speed[car] = vehicle.getSpeed(names[car])
         self._position, self._speed = position, speed
         fronts = self._start + self._scale * position
         if self._lanes.ramps:

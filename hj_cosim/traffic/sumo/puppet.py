@@ -126,6 +126,12 @@ class Puppet:
         """Set a vehicle into a lane of SUMO's where it is: SUMO takes its speed from the way it makes in the step."""
         libsumo.vehicle.moveTo(name, f"{self._edge}_{lane}", libsumo.vehicle.getLanePosition(name))
 
+    def correct_speed(self, speed: float) -> None:
+        """Give the robot, and its ghost, the speed (m/s) that it really has, before the others look at it."""
+        libsumo.vehicle.setPreviousSpeed(ROBOT, speed)
+        if self._has_ghost:
+            libsumo.vehicle.setPreviousSpeed(GHOST, speed)
+
     def after_step(self, speed: float) -> None:
         """Give a ghost that came in this step the robot's speed (m/s).
 
