@@ -19,7 +19,7 @@ from hj_cosim.settings import (
     shown,
     validate,
 )
-from hj_cosim.traffic.network import read_road
+from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.placement import initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path, scenario_data, scenario_path
 
@@ -92,8 +92,11 @@ def _require_room(config: EpisodeConfig) -> None:
     Raises:
         NetworkError, ScenarioError: as the world would, which builds the same.
     """
+    if config.scenario.own.is_given:
+        return  # what drives there is found when it runs
     network = config.scenario.network
-    initial_traffic(config.scenario, read_road(network_path(network), network.edge), config.robot, config.seed)
+    road, _ = read_network(network_path(network), network)
+    initial_traffic(config.scenario, road, config.robot, config.seed)
 
 
 def stack_flags(

@@ -15,6 +15,7 @@ from hj_cosim.control.problem.safety_problem import FAILED
 from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE, SafetyPreservingFilter
 from hj_cosim.control.tracking import eased, tracking_control
 from hj_cosim.cosim.configuration import config_toml
+from hj_cosim.cosim.motion import moved, yaw_rate
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.errors import DriveEnded, SimulationError
 from hj_cosim.metrics.catalogue import require_declared
@@ -31,8 +32,9 @@ from hj_cosim.recording.run_folder import Keep, write_run
 from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target, is_possible
 from hj_cosim.settings import EpisodeConfig
 from hj_cosim.traffic.contract import World
+from hj_cosim.traffic.sumo.own_world import OwnWorld
 from hj_cosim.traffic.sumo.world import SumoWorld
-from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
+from hj_cosim.vehicles.bicycle import steering_for
 from hj_cosim.verification.promise_audit import PromiseAudit
 
 Progress = Callable[[int, int], None]  # samples driven, samples in all
@@ -48,6 +50,7 @@ class Episode:
     drivers: np.ndarray  # (J, 6) the background drivers' IDM parameters, in the order of vehicles.idm
     timing: Mapping[str, float]  # what depends on the machine
     folder: Path | None = None  # the run's folder, where it was written
+    notes: str | None = None  # TOML: what was chosen, overridden and silenced in a user's own simulation
 
 
 @dataclass(frozen=True)
@@ -113,15 +116,14 @@ def drive(
         desired = eased(wanted, desired, config.tracking.jerk_max, simulation.step)
         decision = guarded_filter.filter(observation, values, desired)
         omega, acceleration = decision.control.omega, decision.control.acceleration
-        steering = steering_for(omega, float(observation.robot[3]), robot.wheelbase)
+        turning = yaw_rate(observation.robot, omega, world.road)
+        steering = steering_for(turning, float(observation.robot[3]), robot.wheelbase)
         recorder.record(observation, values, plan, desired, decision, steering)
         if simulation.on_collision == "stop" and _collided(observation, config):
             ended = COLLISION
             break
         if sample + 1 < samples:
-            state = bicycle_step(
-                observation.robot, steering, acceleration, robot.wheelbase, robot.speed_max, simulation.step
-            )
+            state = moved(observation.robot, steering, acceleration, world.road, robot, simulation.step)
             try:
                 world.step(state, acceleration)
             except DriveEnded as end:
@@ -161,13 +163,32 @@ def _collided(observation: Observation, config: EpisodeConfig) -> bool:
     )
 
 
-def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | None = None) -> Episode:
+def open_world(config: EpisodeConfig) -> SumoWorld | OwnWorld:
+    """Return the world of a configuration: a scenario's, or a user's own simulation.
+
+    Raises:
+        ConfigurationError, NetworkError, ScenarioError: if it cannot be built.
+        SimulationError: if SUMO does not start.
+    """
+    scenario, robot, seed, simulation = config.scenario, config.robot, config.seed, config.simulation
+    if scenario.own.is_given:
+        return OwnWorld(scenario, robot, seed, simulation.step, simulation.traffic_step)
+    return SumoWorld(scenario, robot, seed, simulation.step, traffic_step=simulation.traffic_step)
+
+
+def run_in_sumo(
+    config: EpisodeConfig,
+    table: ValueTable,
+    progress: Progress | None = None,
+    announce: Callable[[str], None] | None = None,
+) -> Episode:
     """Drive one episode in SUMO.
 
     Args:
         config: what to run.
         table: the solved value table that planner and filter share.
         progress: called with the samples driven and the samples in all, once a plan.
+        announce: told what was chosen, overridden and silenced in a user's own simulation, before the drive.
 
     Raises:
         NetworkError, ScenarioError: if the world cannot be built.
@@ -176,7 +197,9 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
     """
     require_robot(table, config.robot)
     started = time.perf_counter()
-    with SumoWorld(config.scenario, config.robot, config.seed, config.simulation.step) as world:
+    with open_world(config) as world:
+        if announce is not None and isinstance(world, OwnWorld):
+            announce(world.told)
         world.settle(config.simulation.settle_time)
         planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, table)
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
@@ -184,7 +207,8 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
         driven = drive(world, planner, safety_filter, table, config, audit, progress)
     wall_seconds = time.perf_counter() - started
     summary = summarize(driven.record, config, audit.summary() | fallback_summary(driven.diagnostics))
-    return Episode(config, driven.record, summary, world.drivers, timing(summary, wall_seconds))
+    notes = world.told if isinstance(world, OwnWorld) else None
+    return Episode(config, driven.record, summary, world.drivers, timing(summary, wall_seconds), notes=notes)
 
 
 def fallback_summary(diagnostics: Mapping[str, float]) -> dict[str, float]:
@@ -212,4 +236,6 @@ def write_episode(episode: Episode, folder: Path, keep: Keep = "all") -> None:
     """
     require_declared(episode.summary)
     config_text = config_toml(episode.config)
-    write_run(folder, episode.record, config_text, episode.summary, episode.drivers, keep, episode.timing)
+    write_run(
+        folder, episode.record, config_text, episode.summary, episode.drivers, keep, episode.timing, episode.notes
+    )

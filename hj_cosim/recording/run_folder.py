@@ -30,7 +30,8 @@ from hj_cosim.recording.run_bounds import (
     require_times,
 )
 from hj_cosim.recording.summary_file import TIMING, read_summary, summary_text
-from hj_cosim.scene.road import StraightRoad, road_from_json, road_to_json
+from hj_cosim.scene.road import Road
+from hj_cosim.scene.road_text import road_from_json, road_to_json
 from hj_cosim.settings import EpisodeConfig, read_toml, validate
 from hj_cosim.vehicles.idm import PARAMETER_NAMES
 
@@ -39,8 +40,9 @@ TRAJECTORIES = "trajectories.parquet"
 ROBOT = "robot.parquet"
 SUMMARY = "summary.json"
 DRIVERS = "drivers.parquet"
+NOTES = "own_simulation.toml"
 FIGURES = "figures"
-OWN_FILES = (CONFIG, TRAJECTORIES, ROBOT, SUMMARY, TIMING, DRIVERS, FIGURES)
+OWN_FILES = (CONFIG, TRAJECTORIES, ROBOT, SUMMARY, TIMING, DRIVERS, NOTES, FIGURES)
 
 Keep = Literal["all", "robot"]  # everything that a run folder holds, or all but the cars' trajectories
 
@@ -115,6 +117,7 @@ def write_run(
     drivers: np.ndarray | None = None,
     keep: Keep = "all",
     timing: Mapping[str, float] | None = None,
+    notes: str | None = None,
 ) -> None:
     """Write a run's folder, without its figures; all of it or nothing.
 
@@ -126,6 +129,7 @@ def write_run(
         drivers: (J, 6) IDM parameters of the cars, in the order of vehicles.idm; drivers.parquet unless None.
         keep: `all`, or everything but trajectories.parquet, which is nearly all of the size (`robot`).
         timing: as `metrics.summary.timing` returns it; timing.json unless None.
+        notes: TOML about a user's own simulation; own_simulation.toml unless None.
 
     Raises:
         RunFolderError: if `folder` already holds something, or cannot be written.
@@ -140,6 +144,8 @@ def write_run(
         (temporary / SUMMARY).write_text(summary_text(summary), encoding="utf-8")
         if timing is not None:
             (temporary / TIMING).write_text(summary_text(timing), encoding="utf-8")
+        if notes is not None:
+            (temporary / NOTES).write_text(notes, encoding="utf-8")
         (temporary / FIGURES).mkdir()
 
 
@@ -245,7 +251,7 @@ def read_config(folder: Path) -> dict[str, Any]:
     return config.model_dump(mode="json", exclude_none=True)
 
 
-def road_of(schema: pa.Schema) -> StraightRoad:
+def road_of(schema: pa.Schema) -> Road:
     """Return the road that trajectories.parquet carries in its metadata.
 
     Raises:

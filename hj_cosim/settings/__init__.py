@@ -18,6 +18,7 @@ from hj_cosim.settings.layers import (
     shown,
     validate,
 )
+from hj_cosim.settings.own_simulation import OwnSimulationSettings
 from hj_cosim.settings.planner import MOST_PREDICTION_STEPS, PlannerSettings
 from hj_cosim.settings.robot import RobotSettings, TrackingSettings
 from hj_cosim.settings.scenario import (
@@ -47,6 +48,7 @@ __all__ = [
     "GridSettings",
     "NetworkSettings",
     "NormalDistribution",
+    "OwnSimulationSettings",
     "PlannerSettings",
     "RobotSettings",
     "RobotStart",

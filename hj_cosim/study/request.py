@@ -93,7 +93,7 @@ def _scenario(value: Any) -> str | None:
     if not isinstance(value, str | PathLike):
         return None
     text = str(value)
-    return str(Path(text).expanduser().absolute()) if text.endswith(".toml") else text
+    return str(Path(text).expanduser().absolute()) if text.endswith((".toml", ".sumocfg")) else text
 
 
 def _stack(value: Any) -> str | None:

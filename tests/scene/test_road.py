@@ -6,7 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from hj_cosim.scene.road import Road, StraightRoad, road_from_json, road_to_json
+from hj_cosim.scene.road import Road, StraightRoad
+from hj_cosim.scene.road_text import road_from_json, road_to_json
 
 
 def test_a_road_along_x_from_the_origin_is_the_identity():

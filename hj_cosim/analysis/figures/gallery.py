@@ -26,7 +26,7 @@ from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.run_folder import CONFIG, Run, read_config, read_run
 from hj_cosim.recording.study_files import EPISODES, TABLE, WINDOWS
 from hj_cosim.settings import RobotSettings, Scenario, read_toml, validate
-from hj_cosim.traffic.network import read_road
+from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.placement import density
 from hj_cosim.traffic.sources.scenarios import network_path
 
@@ -140,7 +140,7 @@ def scenario_densities(study: Path) -> dict[str, float]:
     for path in sorted(study.glob(f"{EPISODES}/**/{CONFIG}")):
         scenario = validate(Scenario, read_config(path.parent)["scenario"], str(path))
         if scenario.name not in densities:
-            road = read_road(network_path(scenario.network), scenario.network.edge)
+            road, _ = read_network(network_path(scenario.network), scenario.network)
             densities[scenario.name] = density(scenario.traffic, road.lane_count)
     return densities
 

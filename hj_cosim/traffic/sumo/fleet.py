@@ -14,8 +14,11 @@ from hj_cosim.scene.road import Road
 from hj_cosim.settings import RobotSettings
 from hj_cosim.traffic.lane_changes import DrivingCars, wanted_lanes
 from hj_cosim.traffic.sources.placement import InitialTraffic
+from hj_cosim.traffic.sumo.between_steps import BetweenSteps, Motion
+from hj_cosim.traffic.sumo.places import EdgePlaces, Places, RoutePlaces, nearest_lap
 from hj_cosim.traffic.sumo.puppet import Placement
 from hj_cosim.traffic.sumo.session import libsumo
+from hj_cosim.traffic.sumo_lanes import SumoLanes
 from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
 from hj_cosim.vehicles.idm import PARAMETER_NAMES
 
@@ -52,6 +55,17 @@ class FleetArrays(NamedTuple):
         """Return the rows of a mask (J + 1,)."""
         return FleetArrays(*(column[stays] for column in self))
 
+    def motion(self) -> Motion:
+        """Return how the cars move, in arrays that nobody changes."""
+        return Motion(
+            self.x[:-1],
+            self.y[:-1].copy(),
+            self.heading[:-1].copy(),
+            self.speed[:-1],
+            self.acceleration[:-1],
+            self.lane[:-1].copy(),
+        )
+
     def with_car(self, car: "FleetArrays") -> "FleetArrays":
         """Return the rows with one more (of one row) before the robot's."""
         return FleetArrays(
@@ -67,7 +81,15 @@ class Fleet:
     """
 
     def __init__(
-        self, initial: InitialTraffic, names: list[str], robot: RobotSettings, robot_driver: np.ndarray, road: Road
+        self,
+        initial: InitialTraffic,
+        names: list[str],
+        robot: RobotSettings,
+        robot_driver: np.ndarray,
+        road: Road,
+        lanes: SumoLanes | None = None,
+        *,
+        is_seen_between_steps: bool = False,
     ) -> None:
         """Take over cars that SUMO has inserted.
 
@@ -77,7 +99,13 @@ class Fleet:
             robot: its body.
             robot_driver: (6,) what the others' MOBIL takes the robot to be.
             road: the road.
+            lanes: what SUMO calls its lanes, if it is a route.
+            is_seen_between_steps: whether the cars are observed between two steps too; SUMO has to be ballistic then.
         """
+        self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(lanes)
+        self._lap = lanes.lap if lanes is not None and lanes.laps > 1 else 0.0
+        self._is_seen_between_steps = is_seen_between_steps
+        self._latest_step: BetweenSteps | None = None
         for name in names:
             libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE)
         self.vehicle_names = list(names)
@@ -123,23 +151,33 @@ class Fleet:
         unknown = np.full((len(self.vehicle_names) - len(self._known_drivers), len(PARAMETER_NAMES)), math.nan)
         return np.vstack([self._known_drivers, unknown])
 
-    def observe(self, time: float, robot: np.ndarray) -> Observation:
-        """Return what the robot (4,) sees at a time (s)."""
-        rows = self._rows  # what is replaced in every step is handed out as it is, what is changed in place is copied
+    def observe(self, time: float, robot: np.ndarray, robot_acceleration: float, elapsed: float = 0.0) -> Observation:
+        """Return what the robot sees.
+
+        Args:
+            time: s.
+            robot: (4,) its state, in the road frame.
+            robot_acceleration: m/s².
+            elapsed: s since the latest step that was read began, at an instant before its end; 0 at its end.
+        """
+        rows = self._rows
+        between = self._latest_step
+        motion = rows.motion() if between is None or elapsed == 0.0 else between.at(elapsed)
+        cars = slice(len(motion.x))  # those that have entered in the step come last, and are there when it ends
         return Observation(
             time=time,
             robot=robot,
-            robot_acceleration=float(rows.acceleration[-1]),
-            vehicle=rows.number[:-1],
-            x=rows.x[:-1],
-            y=rows.y[:-1].copy(),
-            heading=rows.heading[:-1].copy(),
-            speed=rows.speed[:-1],
-            acceleration=rows.acceleration[:-1],
-            lane=rows.lane[:-1].copy(),
-            target_lane=rows.target_lane[:-1].copy(),
-            length=rows.length[:-1],
-            width=rows.width[:-1],
+            robot_acceleration=robot_acceleration,
+            vehicle=rows.number[cars],
+            x=motion.x,
+            y=motion.y,
+            heading=motion.heading,
+            speed=motion.speed,
+            acceleration=motion.acceleration,
+            lane=motion.lane,
+            target_lane=rows.target_lane[cars].copy(),
+            length=rows.length[cars],
+            width=rows.width[cars],
         )
 
     def request_lane_changes(self, turn: int, mobil: np.ndarray, step: float) -> None:
@@ -156,9 +194,18 @@ class Fleet:
         cars = DrivingCars(rows.x, rows.speed, rows.lane, rows.second_lane, rows.length, rows.driver)
         wanted = wanted_lanes(self._order, deciding, cars, mobil, self._road.lane_count)
         for car in np.flatnonzero(wanted != rows.lane):
-            libsumo.vehicle.changeLane(self._names[car], int(wanted[car]), step)
+            index = self._places.index(self._names[car], int(wanted[car]))
+            if index is None:
+                continue  # no such lane beside that car
+            libsumo.vehicle.changeLane(self._names[car], index, step)
             rows.target_lane[car] = wanted[car]
             self._changing.append(int(car))
+
+    def correct_robot(self, state: np.ndarray, acceleration: float) -> None:
+        """Take over the robot's state (4,), road frame, which was foreseen when the last step began, and its m/s²."""
+        rows = self._rows
+        rows.x[-1], rows.y[-1], rows.heading[-1], rows.speed[-1] = state
+        rows.acceleration[-1] = acceleration
 
     def move_robot(self, robot: Placement) -> None:
         """Take over which lanes the robot will be in when the step ends."""
@@ -179,26 +226,43 @@ class Fleet:
         """
         if libsumo.simulation.getArrivedNumber():
             self._forget(set(libsumo.simulation.getArrivedIDList()))
+        before = self._rows.motion() if self._is_seen_between_steps else None
         rows = self._rows
         x = np.empty(len(rows.x))
-        x[:-1] = np.fromiter(map(libsumo.vehicle.getLanePosition, self._names), float, len(self._names))
+        x[:-1], own_speed = self._places.read(self._names, step)
         x -= self._front_offset
         x[-1] = robot_state[0]
-        # SUMO moves a car by its new speed times the step, so its way is its speed: one getter a car, not two.
-        speed = (x - rows.x) / step
+        if self._lap:
+            x = nearest_lap(x, self._lap, float(x[-1]))
+        if own_speed is not None:
+            speed = np.append(own_speed, 0.0)
+        elif self._is_seen_between_steps:
+            speed = np.append(np.fromiter(map(libsumo.vehicle.getSpeed, self._names), float, len(self._names)), 0.0)
+        else:
+            # SUMO moves a car by its new speed times the step, so its way is its speed: one getter a car, not two.
+            speed = (x - rows.x) / step
         speed[-1] = robot_state[3]
         acceleration = (speed - rows.speed) / step
         acceleration[-1] = robot_acceleration
         rows.y[-1], rows.heading[-1] = robot_state[1], robot_state[2]
         self._rows = rows._replace(x=x, speed=speed, acceleration=acceleration)
         if self._changing:
-            self._changing = [car for car in self._changing if self._read_sideways(car)]
+            self._changing = [car for car in self._changing if self._read_sideways(car, step)]
         for car in self._not_ours:
             self._follow_change(car)
-            self._read_sideways(car)
+            self._read_sideways(car, step)
+        if before is not None:
+            self._latest_step = self._between(before, step)
         if libsumo.simulation.getDepartedNumber():
             for name in filter(is_car, libsumo.simulation.getDepartedIDList()):
-                self._admit(name)
+                self._admit(name, step)
+
+    def _between(self, before: Motion, step: float) -> BetweenSteps:
+        """Return how the cars moved in the step that has just been read."""
+        after = self._rows.motion()
+        if self._lap:  # whoever is half a lap away from the robot changes to the other side of it
+            before = before._replace(x=before.x + self._lap * np.round((after.x - before.x) / self._lap))
+        return BetweenSteps(before, after, step, self._road)
 
     def is_beside_robot(self) -> bool:
         """Return whether a car lies alongside the robot in a lane that both are in: it hits that car, or crowds it."""
@@ -207,7 +271,7 @@ class Fleet:
         lanes = {int(rows.lane[-1]), int(rows.second_lane[-1])}
         return any(not lanes.isdisjoint((int(rows.lane[car]), int(rows.second_lane[car]))) for car in beside)
 
-    def _read_sideways(self, car: int) -> bool:
+    def _read_sideways(self, car: int, step: float) -> bool:
         """Read a car's lane and where it is across the road; return whether it is between lanes: not done or refused.
 
         SUMO moves a car sideways at a constant rate and turns it about its front bumper, back again in one step
@@ -215,16 +279,16 @@ class Fleet:
         """
         name, rows, road = self._names[car], self._rows, self._road
         along = float(rows.x[car])
-        lane = libsumo.vehicle.getLaneIndex(name)
+        lane = self._places.lane(name)
         offset = libsumo.vehicle.getLateralLanePosition(name)
         rows.lane[car] = lane
         if abs(offset) < ON_CENTRE_LINE:
             rows.y[car], rows.heading[car] = road.lane_centre(lane, along), 0.0
             rows.target_lane[car] = rows.second_lane[car] = lane
             return False
-        rows.y[car] = road.lane_centre(lane, along) + offset
-        angle = math.radians(90.0 - libsumo.vehicle.getAngle(name))
-        rows.heading[car] = math.remainder(angle - road.heading_at(along), math.tau)
+        before, rows.y[car] = rows.y[car], road.lane_centre(lane, along) + offset
+        sideways = float(rows.y[car] - before) / step
+        rows.heading[car] = self._places.heading(name, along, sideways, float(rows.speed[car]))
         # SUMO has it in both lanes from the beginning, and frees the old one once its body has left it.
         has_crossed = lane == rows.target_lane[car]
         has_left = has_crossed and abs(offset) <= 0.5 * (road.lane_width - rows.width[car])
@@ -234,19 +298,19 @@ class Fleet:
     def _follow_change(self, car: int) -> None:
         """Take a car that nobody here told to change lanes to be on its way to where it has moved in this step."""
         name, rows = self._names[car], self._rows
-        lane, offset = libsumo.vehicle.getLaneIndex(name), libsumo.vehicle.getLateralLanePosition(name)
+        lane, offset = self._places.lane(name), libsumo.vehicle.getLateralLanePosition(name)
         before = rows.y[car] - self._road.lane_centre(lane, float(rows.x[car]))
         leaves = rows.lane[car] == lane and abs(offset) > abs(before)
         rows.target_lane[car] = lane + int(np.sign(offset)) if leaves else lane
 
-    def _admit(self, name: str) -> None:
+    def _admit(self, name: str, step: float) -> None:
         """Add a row for a car that has entered after the beginning; a name that comes back has its number again."""
         if name not in self.vehicle_names:
             self.vehicle_names.append(name)
         vehicle, rows = libsumo.vehicle, self._rows
-        lane = vehicle.getLaneIndex(name)
+        lane = self._places.lane(name)
         length = vehicle.getLength(name)
-        x = vehicle.getLanePosition(name) - 0.5 * length
+        x = float(self._places.read([name], step)[0][0]) - 0.5 * length
         one = {"turn": NEVER_ITS_TURN, "heading": 0.0, "acceleration": 0.0, "x": x, "length": length}
         one |= {
             "number": self.vehicle_names.index(name),
@@ -260,7 +324,7 @@ class Fleet:
         self._names.append(name)
         robot = len(self._names)  # its row has moved down by one
         self._order = np.append(np.where(self._order == robot - 1, robot, self._order), robot - 1)
-        self._read_sideways(robot - 1)
+        self._read_sideways(robot - 1, step)
 
     def _forget(self, arrived: Collection[str]) -> None:
         """Drop the rows of cars that have reached the end of the road."""

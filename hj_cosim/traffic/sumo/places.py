@@ -1,0 +1,112 @@
+"""Where SUMO has the cars, in the road frame: on one straight edge, or on a route of many."""
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from hj_cosim.scene.road import Road
+from hj_cosim.traffic.sumo.session import libsumo
+from hj_cosim.traffic.sumo_lanes import SumoLanes
+
+# m, by which a car's way in a step may differ from its speed times the step; it has entered another lane where it does.
+_SAME_LANE = 1e-6
+
+
+class Places(Protocol):
+    """What the fleet reads of its cars, whatever they drive on."""
+
+    def read(self, names: Sequence[str], step: float) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return s (J,), m, of the cars' front bumpers, and their speeds (J,), m/s, or None: then their way tells."""
+        ...
+
+    def lane(self, name: str) -> int:
+        """Return the road's number of the lane that a car is in."""
+        ...
+
+    def index(self, name: str, lane: int) -> int | None:
+        """Return the index of the road's lane `lane` on the edge that a car is on; None if it does not exist there."""
+        ...
+
+    def heading(self, name: str, along: float, sideways: float, forward: float) -> float:
+        """Return the heading, rad relative to the road, of a car between lanes.
+
+        Args:
+            name: in SUMO.
+            along: s of its centre, m.
+            sideways, forward: its speeds across and along the road, m/s.
+        """
+        ...
+
+
+class EdgePlaces:
+    """Places on one straight edge: SUMO's lane positions are s, and its lane indices are the road's."""
+
+    def __init__(self, road: Road) -> None:
+        self._road = road
+
+    def read(self, names: Sequence[str], step: float) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return where the fronts are; SUMO moves a car by its new speed times the step, so its way is its speed."""
+        return np.fromiter(map(libsumo.vehicle.getLanePosition, names), float, len(names)), None
+
+    def lane(self, name: str) -> int:
+        """Return the lane's index; see Places."""
+        return int(libsumo.vehicle.getLaneIndex(name))
+
+    def index(self, name: str, lane: int) -> int | None:
+        """Return the lane itself; see Places."""
+        return lane
+
+    def heading(self, name: str, along: float, sideways: float, forward: float) -> float:
+        """Return SUMO's angle, relative to the road."""
+        angle = math.radians(90.0 - libsumo.vehicle.getAngle(name))
+        return math.remainder(angle - self._road.heading_at(along), math.tau)
+
+
+class RoutePlaces:
+    """Places on a route.
+
+    A lane's name is read only when a car's way in a step is not its speed times the step, the new one or, where SUMO is
+    ballistic, the mean one: then it has come into another edge, whose positions count from 0 again.
+    """
+
+    def __init__(self, lanes: SumoLanes) -> None:
+        self._lanes = lanes
+        self._names: Sequence[str] = ()
+        self._position = self._speed = self._start = self._scale = np.empty(0)
+
+    def read(self, names: Sequence[str], step: float) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return where the fronts are, on the route's first lap, and SUMO's own speeds; NaN off the route."""
+        vehicle, count = libsumo.vehicle, len(names)
+        position = np.fromiter(map(vehicle.getLanePosition, names), float, count)
+        speed = np.fromiter(map(vehicle.getSpeed, names), float, count)
+        if names is not self._names or count != len(self._position):
+            self._names, self._start, self._scale = names, np.empty(count), np.empty(count)
+            moved: Sequence[int] = range(count)
+        else:
+            way = position - self._position
+            unlike = np.minimum(np.abs(way - speed * step), np.abs(way - 0.5 * (self._speed + speed) * step))
+            moved = np.flatnonzero(unlike > _SAME_LANE).tolist()
+        for car in moved:
+            place = self._lanes.by_name.get(vehicle.getLaneID(names[car]))
+            self._start[car], self._scale[car] = (math.nan, 1.0) if place is None else (place.start, place.scale)
+        self._position, self._speed = position, speed
+        return self._start + self._scale * position, speed
+
+    def lane(self, name: str) -> int:
+        """Return the road's lane, or the one that it was last seen in; see Places."""
+        return self._lanes.by_name[libsumo.vehicle.getLaneID(name)].number
+
+    def index(self, name: str, lane: int) -> int | None:
+        """Return the lane's index on the car's edge; see Places."""
+        return self._lanes.index_on(libsumo.vehicle.getRoadID(name), lane)
+
+    def heading(self, name: str, along: float, sideways: float, forward: float) -> float:
+        """Return the direction in which it moves: SUMO's angles jump where the polylines have their corners."""
+        return math.atan2(sideways, forward) if forward > abs(sideways) else 0.0
+
+
+def nearest_lap(along: np.ndarray, lap: float, near: float) -> np.ndarray:
+    """Return s (J,) of places on a closed road, m, each in the lap in which it is nearest to `near`."""
+    return along + lap * np.round((near - along) / lap)
