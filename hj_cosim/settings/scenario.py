@@ -14,6 +14,7 @@ from hj_cosim.settings.base import (
     Unit,
 )
 from hj_cosim.settings.own_simulation import OwnSimulationSettings
+from hj_cosim.settings.rogues import RogueSettings
 
 
 class NormalDistribution(Settings):
@@ -118,6 +119,7 @@ class CarStart(Settings):
     x: Metres = Field(description="its centre ahead of the robot's; negative behind it")
     speed: MetresPerSecond = Field(ge=0, description="at the start")
     desired_speed: MetresPerSecond | None = Field(None, gt=0, description="drawn like any driver's when left out")
+    rogue: str | None = Field(None, min_length=1, description="a behaviour as in rogues.behaviour; none when left out")
 
 
 class RobotStart(Settings):
@@ -139,6 +141,16 @@ class Scenario(Settings):
     robot: RobotStart = Field(RobotStart(), description="where the robot starts")
     own: OwnSimulationSettings = Field(OwnSimulationSettings(), description="a user's own simulation to drive in")
     cars: tuple[CarStart, ...] = Field((), description="cars at given places, beside the drawn ones")
+    rogues: RogueSettings = Field(RogueSettings(), description="drivers who mean harm")
+
+    @model_validator(mode="after")
+    def _has_cars_for_rogues(self) -> "Scenario":
+        if self.own.is_given and self.rogues.share > 0.0:
+            raise ValueError(
+                f"rogues.share = {self.rogues.share:g}, but rogues take the scenario's own cars, of which a user's"
+                " simulation (own.file) has none; leave one of the two out"
+            )
+        return self
 
     @property
     def is_hand_made(self) -> bool:

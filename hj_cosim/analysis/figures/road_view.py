@@ -1,5 +1,7 @@
 """A stretch of road from above, with its lanes and cars, on given axes."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -45,10 +47,10 @@ def draw_cars(
     axes: Axes,
     corners: np.ndarray,
     colours: object = style.CAR,
-    edge: str = style.CAR_EDGE,
+    edge: str | Sequence[str] = style.CAR_EDGE,
     zorder: float = 3.0,
 ) -> None:
-    """Draw cars, whose corners are as body_corners returns them; `colours` is one colour or one a car."""
+    """Draw cars, whose corners are as body_corners returns them; `colours` and `edge` are one colour or one a car."""
     axes.add_collection(
         PolyCollection(list(corners), facecolors=colours, edgecolors=edge, linewidths=0.7, zorder=zorder)
     )
@@ -79,7 +81,7 @@ def draw_scene(axes: Axes, record: RunRecord, sample: int, behind: float, ahead:
     corners = body_corners(
         x[seen], traffic.y[sample, seen], traffic.heading[sample, seen], traffic.length[seen], traffic.width[seen]
     )
-    draw_cars(axes, corners)
+    draw_cars(axes, corners, [style.ROGUE if rogue else style.CAR for rogue in record.is_rogue[seen]])
     draw_robot(
         axes,
         robot.x[sample],

@@ -5,7 +5,6 @@ IDM is SUMO's, MOBIL ours. A car between two lanes is read completely; of the ot
 
 import math
 from collections.abc import Callable, Collection
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from hj_cosim.settings import RobotSettings
 from hj_cosim.traffic.lane_changes import DrivingCars, wanted_lanes
 from hj_cosim.traffic.sources.placement import InitialTraffic
 from hj_cosim.traffic.sumo.between_steps import BetweenSteps, Motion
+from hj_cosim.traffic.sumo.fleet_arrays import FleetArrays, Moved
 from hj_cosim.traffic.sumo.places import EdgePlaces, Places, RoutePlaces, nearest_lap
 from hj_cosim.traffic.sumo.puppet import Placement
 from hj_cosim.traffic.sumo.session import libsumo
@@ -32,45 +32,6 @@ NEVER_ITS_TURN = -1  # of who decides elsewhere: the robot, and cars that are no
 # Nearer than this to a lane's centre line (m), a car is not between lanes; a step of a change moves it 0.03 m.
 ON_CENTRE_LINE = 1e-3
 USUAL_EXPONENT = 4.0  # IDM's, which SUMO has no getter for
-
-
-class FleetArrays(NamedTuple):
-    """The J cars on the road, a row each, and in a last row the robot, which the others take for one of them."""
-
-    number: np.ndarray  # (J + 1,) int, as World has it; the robot's means nothing
-    turn: np.ndarray  # (J + 1,) int, when it decides, or NEVER_ITS_TURN
-    x: np.ndarray  # (J + 1,) m, like all positions of its centre
-    y: np.ndarray  # (J + 1,) m
-    heading: np.ndarray  # (J + 1,) rad
-    speed: np.ndarray  # (J + 1,) m/s
-    acceleration: np.ndarray  # (J + 1,) m/s²
-    lane: np.ndarray  # (J + 1,) int
-    target_lane: np.ndarray  # (J + 1,) int, where a change in progress leads
-    second_lane: np.ndarray  # (J + 1,) int, the other lane that it is in meanwhile
-    length: np.ndarray  # (J + 1,) m
-    width: np.ndarray  # (J + 1,) m
-    driver: np.ndarray  # (J + 1, 6) IDM parameters; an estimate where the car is not ours
-
-    def only(self, stays: np.ndarray) -> "FleetArrays":
-        """Return the rows of a mask (J + 1,)."""
-        return FleetArrays(*(column[stays] for column in self))
-
-    def motion(self) -> Motion:
-        """Return how the cars move, in arrays that nobody changes."""
-        return Motion(
-            self.x[:-1],
-            self.y[:-1].copy(),
-            self.heading[:-1].copy(),
-            self.speed[:-1],
-            self.acceleration[:-1],
-            self.lane[:-1].copy(),
-        )
-
-    def with_car(self, car: "FleetArrays") -> "FleetArrays":
-        """Return the rows with one more (of one row) before the robot's."""
-        return FleetArrays(
-            *(np.concatenate([column[:-1], new, column[-1:]]) for column, new in zip(self, car, strict=True))
-        )
 
 
 class Fleet:
@@ -133,6 +94,7 @@ class Fleet:
         )
         self._changing: list[int] = []  # rows of ours that were told to change lanes and are not done
         self._not_ours: list[int] = []  # rows of cars that SUMO, or a user's simulation, drives and inserts
+        self._moved: dict[str, Moved] = {}  # cars that are moved from outside, as the robot is
         self._order = np.argsort(self._rows.x, kind="stable")
 
     def take_turns(self, random: np.random.Generator) -> None:
@@ -143,7 +105,6 @@ class Fleet:
     def _set_rows(self, rows: FleetArrays) -> None:
         self._rows = rows
         self._front_offset = 0.5 * rows.length  # SUMO's positions are of front bumpers
-        self._contact_distance = 0.5 * (rows.length[:-1] + rows.length[-1])  # between the robot's centre and theirs
 
     @property
     def drivers(self) -> np.ndarray:
@@ -246,6 +207,7 @@ class Fleet:
         acceleration[-1] = robot_acceleration
         rows.y[-1], rows.heading[-1] = robot_state[1], robot_state[2]
         self._rows = rows._replace(x=x, speed=speed, acceleration=acceleration)
+        self._put_moved()
         if self._changing:
             self._changing = [car for car in self._changing if self._read_sideways(car, step)]
         for car in self._not_ours:
@@ -266,10 +228,51 @@ class Fleet:
 
     def is_beside_robot(self) -> bool:
         """Return whether a car lies alongside the robot in a lane that both are in: it hits that car, or crowds it."""
+        return self._is_beside(-1)
+
+    def _is_beside(self, row: int) -> bool:
         rows = self._rows
-        beside = np.flatnonzero(np.abs(rows.x[:-1] - rows.x[-1]) < self._contact_distance)
-        lanes = {int(rows.lane[-1]), int(rows.second_lane[-1])}
-        return any(not lanes.isdisjoint((int(rows.lane[car]), int(rows.second_lane[car]))) for car in beside)
+        distance = np.abs(rows.x - rows.x[row])
+        distance[row] = math.inf
+        lanes = {int(rows.lane[row]), int(rows.second_lane[row])}
+        return any(
+            not lanes.isdisjoint((int(rows.lane[car]), int(rows.second_lane[car])))
+            for car in np.flatnonzero(distance < 0.5 * (rows.length + rows.length[row]))
+        )
+
+    def is_beside_somebody(self, name: str) -> bool:
+        """Return whether a car lies alongside another one, or the robot, in a lane that both are in."""
+        return self._is_beside(self._names.index(name))
+
+    def is_on_the_road(self, name: str) -> bool:
+        """Return whether a car is there."""
+        return name in self._names
+
+    def is_changing(self, name: str) -> bool:
+        """Return whether a car was told to change lanes and is not done."""
+        return self._names.index(name) in self._changing
+
+    def keep_lane(self, name: str) -> None:
+        """Ask a car for no lane changes any more: from now on it is moved from outside."""
+        self._rows.turn[self._names.index(name)] = NEVER_ITS_TURN
+
+    def move(self, name: str, moved: Moved) -> None:
+        """Take over where a car will be when the next step ends; SUMO is told by others."""
+        self._moved[name] = moved
+
+    def leave(self, name: str) -> None:
+        """Forget a car that was taken from the road."""
+        self._forget({name})
+
+    def _put_moved(self) -> None:
+        """Put those that are moved from outside where they were moved to."""
+        rows = self._rows
+        for name, moved in self._moved.items():
+            car = self._names.index(name)
+            rows.x[car], rows.y[car], rows.heading[car], rows.speed[car] = moved.state
+            rows.acceleration[car] = moved.acceleration
+            rows.lane[car] = rows.target_lane[car] = moved.placement.lane
+            rows.second_lane[car] = moved.placement.second_lane
 
     def _read_sideways(self, car: int, step: float) -> bool:
         """Read a car's lane and where it is across the road; return whether it is between lanes: not done or refused.
@@ -333,6 +336,7 @@ class Fleet:
         self._changing = [int(renumbered[car]) for car in self._changing if stays[car]]
         self._not_ours = [int(renumbered[car]) for car in self._not_ours if stays[car]]
         self._names = [name for name in self._names if name not in arrived]
+        self._moved = {name: moved for name, moved in self._moved.items() if name not in arrived}
         self._order = renumbered[self._order[stays[self._order]]]
         self._set_rows(self._rows.only(stays))
 
