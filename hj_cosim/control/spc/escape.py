@@ -40,6 +40,7 @@ from hj_cosim.settings import RobotSettings
 RESERVE = 0.2
 # m of V. Cars with more are not looked at: so far above the bound no table is between its nodes.
 HIGHEST = 10.0
+STRAIGHT = 1e-3  # rad; what a step's rounding leaves of a heading does not count as turning
 PASSED, ESCAPING, NO_ESCAPE = 0, 1, 2  # verdicts
 NO_MANOEUVRE = -1
 
@@ -151,7 +152,7 @@ def _first_control(
     game = manoeuvres.game
     omega_max, rest = turning_max(game, speed), manoeuvres.heading[which] - heading
     # Among cars that do their duties every manoeuvre ends in braking straight on, as the first one begins.
-    ended = game.other.responsible and rest == 0.0
+    ended = game.other.responsible and abs(rest) <= STRAIGHT
     acceleration = manoeuvres.acceleration[0 if ended else which]
     return min(max(rest / step, -omega_max), omega_max), acceleration
 
