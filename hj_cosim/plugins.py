@@ -1,4 +1,4 @@
-"""Planners, filters and behaviours of rogues by reference: ours, those that installed packages bring, and those in a user's own file.
+"""Planners, filters and rogues' behaviours by reference: ours, those of installed packages, those in a user's own file.
 
 A reference is
 
@@ -7,9 +7,9 @@ A reference is
 - `package.module:Class`, whatever can be imported;
 - `FILE.py:Class`, a Python file; a relative one starts from the current folder.
 
-What is referred to is a class with one method (the contracts of planning/, control/ and traffic/rogues/). Its constructor is handed
-what it asks for by the names of its parameters, and nothing else. A class may have settings of its own: a class
-attribute `Options`, a subclass of `hj_cosim.settings.Settings`, is filled from `planner.options`, `filter.options` or
+What is referred to is a class with one method (the contracts of planning/, control/ and traffic/rogues/). Its
+constructor is handed what it asks for by the names of its parameters, and nothing else. A class may have settings of
+its own: a class attribute `Options`, a subclass of `hj_cosim.settings.Settings`, is filled from `planner.options`, `filter.options` or
 `scenario.rogues.options` and handed over as `options`.
 
 Nothing here can interrupt a method that never comes back: what an answer took is looked at when it is there.

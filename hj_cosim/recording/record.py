@@ -3,8 +3,9 @@
 Everything is SI and in the road frame; positions are body centres. T samples, J cars besides the robot.
 """
 
+import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -127,7 +128,7 @@ class RunRecord:
     robot: RobotTrack
     threats: ThreatTrack
     ended: str = DURATION  # why the drive was over
-    rogues: Mapping[str, str] = field(default_factory=dict)  # what those cars do whose drivers mean harm, by name
+    rogues: Mapping[str, str] = dataclasses.field(default_factory=dict)  # what those cars do whose drivers mean harm, by name
 
     @property
     def is_rogue(self) -> np.ndarray:

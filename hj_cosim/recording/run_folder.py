@@ -20,7 +20,7 @@ from hj_cosim.files import naming_the_place, remove_abandoned, require_writable,
 from hj_cosim.locations import given_path
 from hj_cosim.recording.columns import name_column, numeric_column, text_column
 from hj_cosim.recording.record import DURATION, NO_VEHICLE, ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
-from hj_cosim.recording.roles import role_column, rogues_of
+from hj_cosim.recording.roles import rogues_of, role_column
 from hj_cosim.recording.run_bounds import (
     open_columns,
     plain_column,

@@ -83,5 +83,5 @@ class WorldWithRogues(World, Protocol):
 
     @property
     def rogues(self) -> Mapping[str, str]:
-        """What each of them does, a behaviour's name by the car's. They are recorded; no planner or filter sees them."""
+        """What each of them does, a behaviour's name by the car's; it is recorded, and no planner or filter sees it."""
         ...

@@ -10,11 +10,12 @@ from hj_cosim.scene.road import Road
 from hj_cosim.settings import RogueLimits
 from hj_cosim.traffic.rogues.contract import CarInput
 from hj_cosim.traffic.rogues.steering import LATERAL_RATE, LEAST_SPEED
-from hj_cosim.vehicles.idm import DESIRED_SPEED, MINIMUM_GAP, TIME_HEADWAY, idm_acceleration
+from hj_cosim.vehicles.idm import DESIRED_SPEED, MAX_ACCELERATION, MINIMUM_GAP, TIME_HEADWAY, idm_acceleration
 
 FASTEST = 40.0  # m/s, the largest speed of the game of `highway`
 # A rogue follows others than the robot more closely than an ordinary driver does.
 CLOSE_HEADWAY, CLOSE_GAP = 0.5, 2.0  # s, m
+UNHURRIED = 1000.0  # m/s, a desired speed at which IDM is about the car ahead alone
 SIDE_ROOM = 0.8  # m beside another car's side, which it leaves
 END_ROOM = 2.0  # m before a lane's end
 
@@ -22,7 +23,7 @@ END_ROOM = 2.0  # m before a lane's end
 class OwnCar(NamedTuple):
     """A rogue's car among those of an observation."""
 
-    index: int
+    row: int
     driver: np.ndarray  # (6,) IDM parameters, as of any other driver
 
 
@@ -35,11 +36,11 @@ def ordinary_input(observation: Observation, car: OwnCar, road: Road, robot_leng
         road: the lanes.
         robot_length: m.
     """
-    x, y, speed = (float(each[car.index]) for each in (observation.x, observation.y, observation.speed))
+    x, y, speed = (float(each[car.row]) for each in (observation.x, observation.y, observation.speed))
     reach = 0.5 * road.lane_width
-    gap, lead_speed = _leader(observation, car.index, reach, road)
+    gap, lead_speed = _leader(observation, car.row, reach, road)
     robot_x, robot_y, _, robot_speed = observation.robot.tolist()
-    robot_gap = robot_x - x - 0.5 * (robot_length + float(observation.length[car.index]))
+    robot_gap = robot_x - x - 0.5 * (robot_length + float(observation.length[car.row]))
     if robot_x > x and abs(robot_y - y) < reach and robot_gap < gap:
         gap, lead_speed = robot_gap, robot_speed
     across = LATERAL_RATE * (road.lane_centre(road.lane_at(y, x), x) - y)
@@ -56,7 +57,7 @@ def restrained(wanted: CarInput, observation: Observation, car: OwnCar, road: Ro
         road: the lanes.
         limits: what its car can.
     """
-    me = car.index
+    me = car.row
     x, y, speed = (float(each[me]) for each in (observation.x, observation.y, observation.speed))
     length, width = float(observation.length[me]), float(observation.width[me])
     heading = max(min(wanted.heading, limits.heading), -limits.heading)
@@ -76,7 +77,8 @@ def restrained(wanted: CarInput, observation: Observation, car: OwnCar, road: Ro
     heading = max(min(heading, most), least) if least <= most else 0.0
     gap, lead_speed = _leader(observation, me, 0.5 * (width + float(observation.width.max())) + 0.3, road)
     close = car.driver.copy()
-    close[DESIRED_SPEED], close[TIME_HEADWAY], close[MINIMUM_GAP] = FASTEST, CLOSE_HEADWAY, CLOSE_GAP
+    close[TIME_HEADWAY], close[MINIMUM_GAP] = CLOSE_HEADWAY, CLOSE_GAP
+    close[DESIRED_SPEED], close[MAX_ACCELERATION] = UNHURRIED, limits.acceleration
     acceleration = min(wanted.acceleration, float(idm_acceleration(speed, gap, lead_speed, close)))
     acceleration = max(min(acceleration, limits.acceleration), -limits.braking)
     return CarInput(max(min(heading, limits.heading), -limits.heading), acceleration)

@@ -1,6 +1,7 @@
 """The worst that a car can do, by the robot's own value function."""
 
 import math
+
 from hj_cosim.settings import RogueLimits
 from hj_cosim.traffic.rogues.contract import CarInput, RogueView, ValuesOfCars
 from hj_cosim.traffic.rogues.steering import along_with_robot
