@@ -56,6 +56,7 @@ PLANNER = PluginKind(
     ours={
         "hjop": "hj_cosim.planning.optimistic.planner:OptimisticPlanner",
         "op": "hj_cosim.planning.optimistic.planner:OptimisticPlannerWithoutValue",
+        "mppi": "hj_cosim.planning.mppi.planner:MppiPlanner",
         "idle": "hj_cosim.planning.idle:IdlePlanner",
     },
 )
