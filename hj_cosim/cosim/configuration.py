@@ -15,6 +15,7 @@ from hj_cosim.settings import (
     DriverSettings,
     EpisodeConfig,
     Scenario,
+    SimulationSettings,
     overlay,
     parse_assignment,
     shown,
@@ -85,7 +86,17 @@ def _with_plugins(config: EpisodeConfig) -> EpisodeConfig:
         options = options_of(kind, find_plugin(kind, reference), settings.options)
         full = {} if options is None else options.model_dump(mode="json", exclude_none=True)
         changed[kind.noun] = settings.model_copy(update={"kind": reference, "options": full})
+    changed["simulation"] = _with_planners_period(config, changed["planner"].kind)
     return config.model_copy(update=changed | {"scenario": _with_behaviours(config.scenario)})
+
+
+def _with_planners_period(config: EpisodeConfig, planner: str) -> SimulationSettings:
+    """Return the clocks with the planner's own period, where it brings one and no layer says another."""
+    simulation = config.simulation
+    own = getattr(find_plugin(PLANNER, planner), "plan_period", None)
+    if own is None or "plan_period" in simulation.model_fields_set:
+        return simulation
+    return validate(SimulationSettings, {**simulation.model_dump(), "plan_period": own}, f"{planner}: its plan_period")
 
 
 def _with_behaviours(scenario: Scenario) -> Scenario:

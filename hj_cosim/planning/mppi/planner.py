@@ -5,7 +5,7 @@ traffic, and the new plan is their mean, weighted by exp(worth / temperature). A
 a lane each, whose mean is none. So some samples are drawn around simple ways into each lane (Trevisan & Alonso-Mora
 2024, biased MPPI), and the mean is taken over those that end in the lane in which the best one does.
 
-The loop asks it for a lane and a speed, once a plan period; it is meant for 10 Hz, `simulation.plan_period` = 0.1 s.
+The loop asks it for a lane and a speed, ten times a second.
 """
 
 import math
@@ -33,6 +33,8 @@ ANOTHER_SPEED = 0.3  # m/s, from where on a plan is called faster or slower
 
 class MppiPlanner:
     """Samples sequences of controls, and tracks the lane and the speed to which the best of them lead."""
+
+    plan_period = 0.1  # s, unless the settings say another
 
     class Options(Settings):
         """How it samples and what it minds beside the reward."""
