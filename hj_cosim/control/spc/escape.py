@@ -145,6 +145,19 @@ def _is_in_target_set(manoeuvres: Manoeuvres, robot: np.ndarray, others: np.ndar
 
 
 @njit(cache=True)
+def _follows_too_closely(manoeuvres: Manoeuvres, robot: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether a car, (3,) p_x, p_y, v, is behind where it does not do its duty: no manoeuvre is bound by that.
+
+    To brake for it, as for who is ahead, would only bring it nearer.
+    """
+    game = manoeuvres.game
+    p_x, p_y = robot[0] - other[0], robot[1] - other[1]
+    if not (game.other.responsible and p_x > game.target.length):
+        return False
+    return target_at(game.target, p_x, p_y, robot[2], robot[3], other[2]) <= 0.0
+
+
+@njit(cache=True)
 def _first_control(
     manoeuvres: Manoeuvres, which: int, heading: float, speed: float, step: float
 ) -> tuple[float, float]:
@@ -212,7 +225,9 @@ def keep_escape(
     paths, minded = room_for_paths(manoeuvres), in_k.copy()
     after = Start(robot[2], robot[3], omega, acceleration, step)
     for j in range(len(others)):
-        if not minded[j]:
+        if _follows_too_closely(manoeuvres, robot, others[j]):
+            minded[j] = False
+        elif not minded[j]:
             minded[j] = not _escapes_from_one(manoeuvres, after, paths, robot, others[j])
     if not minded.any():
         return omega, acceleration, PASSED, NO_MANOEUVRE
