@@ -9,8 +9,8 @@ A reference is
 
 What is referred to is a class with one method (the contracts of planning/, control/ and traffic/rogues/). Its
 constructor is handed what it asks for by the names of its parameters, and nothing else. A class may have settings of
-its own: a class attribute `Options`, a subclass of `hj_cosim.settings.Settings`, is filled from `planner.options`, `filter.options` or
-`scenario.rogues.options` and handed over as `options`.
+its own: a class attribute `Options`, a subclass of `hj_cosim.settings.Settings`, is filled from `planner.options`,
+`filter.options` or `scenario.rogues.options` and handed over as `options`.
 
 Nothing here can interrupt a method that never comes back: what an answer took is looked at when it is there.
 """

@@ -128,7 +128,8 @@ class RunRecord:
     robot: RobotTrack
     threats: ThreatTrack
     ended: str = DURATION  # why the drive was over
-    rogues: Mapping[str, str] = dataclasses.field(default_factory=dict)  # what those cars do whose drivers mean harm, by name
+    # What those cars do whose drivers mean harm, by name.
+    rogues: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     @property
     def is_rogue(self) -> np.ndarray:

@@ -132,10 +132,8 @@ def _touches(x: float, y: float, others: Others, instant: int, robot: RobotModel
 
 
 @njit(cache=True, error_model="numpy")
-def _find_nearest(
-    x: float, y: float, others: Others, instant: int, lane_width: float, nearest: np.ndarray
-) -> None:
-    """Write the nearest car ahead and behind in the robot's lane and in those beside it, _NO_CAR where there is none."""
+def _find_nearest(x: float, y: float, others: Others, instant: int, lane_width: float, nearest: np.ndarray) -> None:
+    """Write the nearest car ahead and behind in the robot's lane and beside it, _NO_CAR where there is none."""
     nearest[:] = _NO_CAR
     for car in range(others.x.shape[1]):
         aside = (others.y[instant, car] - y) / lane_width
@@ -174,7 +172,7 @@ def judge(
 def follow_lanes(
     state: np.ndarray, lanes: np.ndarray, speeds: np.ndarray, robot: RobotModel, step: float, controls: np.ndarray
 ) -> None:
-    """Write controls (N, T, 2) that lead to lanes (N,) and speeds (N,), m/s, smoothly: what samples are drawn around."""
+    """Write controls (N, T, 2) that lead to lanes (N,) and speeds (N,), m/s: what samples are drawn around."""
     for sample in range(len(controls)):
         y, heading, speed = state[1], state[2], state[3]
         for instant in range(controls.shape[1]):
