@@ -34,7 +34,7 @@ def run(
     seed: Annotated[int | None, typer.Option(help="Seed of the traffic; the scenario's, or 0.")] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds to record; 30 by default.")] = None,
     table: Annotated[str | None, typer.Option(help="A name in value_tables/ or a path to a specification.")] = None,
-    ego: Annotated[str | None, typer.Option(help="Of a .sumocfg: the vehicle that the robot takes over.")] = None,
+    ego: Annotated[str | None, typer.Option(help="Of a .sumocfg: the vehicle whose place the robot takes.")] = None,
     begin: Annotated[float | None, typer.Option(help="Of a .sumocfg: when the robot takes over, s.")] = None,
     assignments: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting; hj-cosim knobs lists them.")

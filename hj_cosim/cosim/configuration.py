@@ -6,8 +6,9 @@ from typing import Any
 
 import tomli_w
 
+from hj_cosim.cosim.motion import require_bends
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.locations import scenarios_folder
+from hj_cosim.locations import scenarios_folder, whole_name
 from hj_cosim.plugins import FILTER, PLANNER, find_plugin, options_of, whole_reference
 from hj_cosim.settings import (
     MIXED,
@@ -24,7 +25,7 @@ from hj_cosim.settings import (
 from hj_cosim.traffic.rogues.catalogue import BEHAVIOUR
 from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.placement import initial_traffic
-from hj_cosim.traffic.sources.scenarios import network_path, scenario_data, scenario_path
+from hj_cosim.traffic.sources.scenarios import network_path, own_path, scenario_data, scenario_path
 
 
 def resolve_config(
@@ -63,15 +64,33 @@ def resolve_config(
     data: dict[str, Any] = {"preset": preset, "scenario": {"drivers": DriverSettings().model_dump()}}
     data = overlay(data, PRESETS[preset])
     data = overlay(data, {"scenario": given})
-    # Each layer is checked before the next is laid over it, so that each is named for its own mistakes.
     config = validate(EpisodeConfig, data, source, table="scenario")
     data = overlay(data, {"scenario": {"network": {"file": _network_file(config, folder)}}})
-    for source, layer in layers:
-        data = overlay(data, layer)
-        config = validate(EpisodeConfig, data, source)
-    config = _with_plugins(config)
+    if config.scenario.own.is_given:
+        data = overlay(data, {"scenario": {"own": {"file": str(own_path(config.scenario.own.file, folder))}}})
+    config = _with_layers(data, layers)
+    config = _with_plugins(config).model_copy(update={"table": whole_name(config.table, "table =")})
     _require_room(config)
     return config
+
+
+def _with_layers(data: Mapping[str, Any], layers: Sequence[tuple[str, Mapping[str, Any]]]) -> EpisodeConfig:
+    """Return the configuration with layers laid over it, which have to make sense together.
+
+    Raises:
+        ConfigurationError: if they do not; it names the first layer that makes none with those below it.
+    """
+    whole = dict(data)
+    for _, layer in layers:
+        whole = overlay(whole, layer)
+    try:
+        return validate(EpisodeConfig, whole, "the settings")
+    except ConfigurationError:
+        below = dict(data)
+        for source, layer in layers:
+            below = overlay(below, layer)
+            validate(EpisodeConfig, below, source)
+        raise
 
 
 def _with_plugins(config: EpisodeConfig) -> EpisodeConfig:
@@ -128,9 +147,12 @@ def _require_room(config: EpisodeConfig) -> None:
         NetworkError, ScenarioError: as the world would, which builds the same.
     """
     if config.scenario.own.is_given:
+        own_path(config.scenario.own.file)
         return  # what drives there is found when it runs
     network = config.scenario.network
-    road, _ = read_network(network_path(network), network)
+    path = network_path(network)
+    road, _ = read_network(path, network)
+    require_bends(road, config.robot, str(path))
     initial_traffic(config.scenario, road, config.robot, config.seed)
 
 

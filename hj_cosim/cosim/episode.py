@@ -16,7 +16,7 @@ from hj_cosim.control.problem.safety_problem import FAILED
 from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE, SafetyPreservingFilter
 from hj_cosim.control.tracking import eased, tracking_control
 from hj_cosim.cosim.configuration import config_toml
-from hj_cosim.cosim.motion import moved, yaw_rate
+from hj_cosim.cosim.motion import in_existing_lane, moved, yaw_rate
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.errors import DriveEnded, SimulationError
 from hj_cosim.metrics.catalogue import require_declared
@@ -95,7 +95,7 @@ def drive(
     simulation, robot = config.simulation, config.robot
     samples = max(round(simulation.duration / simulation.step), 1)
     samples_per_plan = max(round(simulation.plan_period / simulation.step), 1)
-    recorder = Recorder(samples, len(world.vehicle_names))
+    recorder = Recorder(samples, len(world.vehicle_names), config.robot)
     guarded_planner = GuardedPlanner(planner, world.road)
     guarded_filter = GuardedFilter(safety_filter, robot)
     observation = _observe(world)
@@ -113,7 +113,8 @@ def drive(
                 target = plan.target
             if progress is not None:
                 progress(sample, samples)
-        wanted = tracking_control(observation.robot, target, world.road, config.tracking, robot)
+        followed = target if world.road.is_straight else in_existing_lane(target, observation.robot, world.road)
+        wanted = tracking_control(observation.robot, followed, world.road, config.tracking, robot)
         desired = eased(wanted, desired, config.tracking.jerk_max, simulation.step)
         decision = guarded_filter.filter(observation, values, desired)
         omega, acceleration = decision.control.omega, decision.control.acceleration
@@ -179,7 +180,8 @@ def open_world(config: EpisodeConfig, table: ValueTable) -> SumoWorld | OwnWorld
     """
     scenario, robot, seed, simulation = config.scenario, config.robot, config.seed, config.simulation
     if scenario.own.is_given:
-        return OwnWorld(scenario, robot, seed, simulation.step, simulation.traffic_step)
+        fastest = config.planner.speed_high
+        return OwnWorld(scenario, robot, seed, simulation.step, simulation.traffic_step, fastest)
     values = partial(car_values, table)
     return SumoWorld(scenario, robot, seed, simulation.step, traffic_step=simulation.traffic_step, values=values)
 
@@ -209,7 +211,8 @@ def run_in_sumo(
         if announce is not None and isinstance(world, OwnWorld):
             announce(world.told)
         world.settle(config.simulation.settle_time)
-        planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, table)
+        drivers = world.predicted if isinstance(world, OwnWorld) else config.scenario.drivers
+        planner = make_planner(config.planner, config.robot, drivers, world.road, table)
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
         audit = PromiseAudit(table.arrays, promises=isinstance(safety_filter, SafetyPreservingFilter))
         driven = drive(world, planner, safety_filter, table, config, audit, progress)

@@ -77,8 +77,18 @@ class Road(Protocol):
         ...
 
     @property
+    def lap(self) -> float:
+        """After how many m of s a closed road is where it began; 0 of an open one."""
+        ...
+
+    @property
     def is_straight(self) -> bool:
         """Whether the road frame is the world's, turned and moved, so that bodies move alike in both."""
+        ...
+
+    @property
+    def sharpest(self) -> float:
+        """The largest curvature of any lane's centre line in the world, 1/m."""
         ...
 
     def stretch_at(self, along: float, lateral: float) -> float:
@@ -91,6 +101,17 @@ class Road(Protocol):
 
     def lane_end(self, lane: int, along: float) -> float:
         """Return the s (m) at which a lane ends that exists at s; inf where it does not end on this road."""
+        ...
+
+    def leads_off(self, lane: int, along: float) -> bool:
+        """Return whether a lane that ends goes on beside this road, as an exit does, rather than being closed."""
+        ...
+
+    def lasting_lanes(self, along: np.ndarray, ahead: float) -> np.ndarray:
+        """Return the first and the last (J, 2) of the lanes that exist all the way from s (J,) to `ahead` m beyond.
+
+        Where there is none, the first exceeds the last.
+        """
         ...
 
     def to_world(
@@ -160,9 +181,19 @@ class StraightRoad:
         return (np.arange(self.lane_count + 1) - 0.5) * self.lane_width
 
     @property
+    def lap(self) -> float:
+        """Return 0."""
+        return 0.0
+
+    @property
     def is_straight(self) -> bool:
         """True."""
         return True
+
+    @property
+    def sharpest(self) -> float:
+        """Return 0."""
+        return 0.0
 
     def stretch_at(self, along: float, lateral: float) -> float:
         """Return 1."""
@@ -175,6 +206,16 @@ class StraightRoad:
     def lane_end(self, lane: int, along: float) -> float:
         """Return inf: lanes end where the road does."""
         return math.inf
+
+    def leads_off(self, lane: int, along: float) -> bool:
+        """Return False."""
+        return False
+
+    def lasting_lanes(self, along: np.ndarray, ahead: float) -> np.ndarray:
+        """Return the first and the last lane (J, 2), the same everywhere."""
+        lanes = np.zeros((len(along), 2), np.int64)
+        lanes[:, 1] = self.lane_count - 1
+        return lanes
 
     def heading_at(self, along: float) -> float:
         """Return the road's heading in the world, rad: the same everywhere."""

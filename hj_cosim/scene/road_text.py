@@ -32,13 +32,14 @@ class _WrittenRoute(BaseModel):
     section_start: list[_Finite] = Field(min_length=1, max_length=MOST_KNOTS)
     first_lane: list[Annotated[int, Field(ge=0, lt=MOST_LANES)]]
     lanes_there: list[Annotated[int, Field(ge=1, le=MOST_LANES)]]
+    leading_off: list[Annotated[int, Field(ge=0)]]
     lap: float = Field(ge=0.0, le=FARTHEST_PLACE)
 
     @model_validator(mode="after")
     def _is_consistent(self) -> "_WrittenRoute":
         starts = self.section_start
-        if not len(starts) == len(self.first_lane) == len(self.lanes_there):
-            raise ValueError("section_start, first_lane and lanes_there must be equally long")
+        if not len(starts) == len(self.first_lane) == len(self.lanes_there) == len(self.leading_off):
+            raise ValueError("section_start, first_lane, lanes_there and leading_off must be equally long")
         if starts[0] != 0.0 or any(later <= earlier for earlier, later in itertools.pairwise(starts)):
             raise ValueError("section_start must begin with 0 and grow")
         if max(map(sum, zip(self.first_lane, self.lanes_there, strict=True))) > self.lane_count:
@@ -47,7 +48,7 @@ class _WrittenRoute(BaseModel):
             raise ValueError("knots of a closed road must end where they begin")
         knots = np.array(self.knots)
         steps = np.hypot(*np.diff(knots, axis=0).T)
-        if steps.min() < 0.5 * steps.max():
+        if not steps.min() > 0.5 * steps.max():
             raise ValueError("knots must be evenly spaced")
         return self
 
@@ -87,6 +88,7 @@ def road_from_json(text: str | bytes) -> Road:
                 section_start=np.array(written.section_start),
                 first_lane=np.array(written.first_lane),
                 lanes_there=np.array(written.lanes_there),
+                leading_off=np.array(written.leading_off),
                 lap=written.lap,
             )
         road = TypeAdapter(StraightRoad).validate_json(text)

@@ -101,6 +101,17 @@ def _into_world(
     return x, y, direction
 
 
+@njit(cache=True)
+def _sharpest(along: np.ndarray, offset: np.ndarray, spacing: float, lap: float, coefficients: np.ndarray) -> float:
+    """Return the largest |curvature|, 1/m, at places (N,), m, on lanes `offset` (2, N) m to the left of the curve."""
+    most = 0.0
+    for i in range(len(along)):
+        for side in range(2):
+            bend, stretch = bend_and_stretch(along[i], offset[side, i], spacing, lap, coefficients)
+            most = max(most, abs(bend) / stretch)
+    return most
+
+
 @dataclass(frozen=True, eq=False)
 class RouteRoad:
     """A chain of edges as one road; see Road.
@@ -117,6 +128,7 @@ class RouteRoad:
     section_start: np.ndarray = field(repr=False)  # (S,) m, where the lanes change, ascending, the first 0
     first_lane: np.ndarray = field(repr=False)  # (S,) int, the right-most lane from there on
     lanes_there: np.ndarray = field(repr=False)  # (S,) int, how many there are
+    leading_off: np.ndarray = field(repr=False)  # (S,) int, bit sets of the lanes that leave the road at its end
     lap: float = 0.0  # m, of one lap of a closed road; 0 of an open one
 
     @cached_property
@@ -137,9 +149,12 @@ class RouteRoad:
 
     @cached_property
     def sharpest(self) -> float:
-        """The largest |dheading/ds| of the reference lane, 1/m, of places a metre apart."""
+        """The largest curvature of any lane's centre line, 1/m, looked for every metre."""
         along = np.arange(0.0, self.lap or self.length, 1.0)
-        return max(abs(self.curvature_at(float(each))) for each in along)
+        section = self._sections(along)
+        outermost = np.stack([self.first_lane[section], self.first_lane[section] + self.lanes_there[section] - 1])
+        offset = outermost * self.lane_width - self._reference
+        return float(_sharpest(along, offset, self._spacing, self.lap, self._coefficients))
 
     def _section(self, along: float) -> int:
         if self.lap:
@@ -156,17 +171,39 @@ class RouteRoad:
         first = int(self.first_lane[section])
         return range(first, first + int(self.lanes_there[section]))
 
-    def lane_end(self, lane: int, along: float) -> float:
-        """Return the s (m) at which a lane ends that exists at s; inf where it does not end on this road."""
-        if self.lap and (self.lanes_there == self.lanes_there[0]).all():
-            return math.inf
+    def _last_section(self, lane: int, along: float) -> int:
+        """Return the last section in a row in which a lane exists that exists at s; -1 where it does not end."""
         section = self._section(along)
-        laps = math.floor(along / self.lap) * self.lap if self.lap else 0.0
         for later in range(section + 1, len(self.section_start)):
             first = int(self.first_lane[later])
             if not first <= lane < first + int(self.lanes_there[later]):
-                return laps + float(self.section_start[later])
-        return math.inf
+                return later - 1
+        return -1
+
+    def lane_end(self, lane: int, along: float) -> float:
+        """Return the s (m) at which a lane ends that exists at s; inf where it does not end on this road, or lap."""
+        last = self._last_section(lane, along)
+        if last < 0:
+            return math.inf
+        laps = math.floor(along / self.lap) * self.lap if self.lap else 0.0
+        return laps + float(self.section_start[last + 1])
+
+    def leads_off(self, lane: int, along: float) -> bool:
+        """Return whether a lane that exists at s goes on beside this road where it ends on it; see Road."""
+        last = self._last_section(lane, along)
+        return last >= 0 and bool(int(self.leading_off[last]) >> lane & 1)
+
+    def lasting_lanes(self, along: np.ndarray, ahead: float) -> np.ndarray:
+        """Return the first and the last lane (J, 2) that exist from s (J,) to `ahead` m beyond; see Road."""
+        section = self._sections(along)
+        first, stop = self.first_lane[section], self.first_lane[section] + self.lanes_there[section]
+        within = along % self.lap if self.lap else along
+        for start, lowest, there in zip(self.section_start, self.first_lane, self.lanes_there, strict=True):
+            for begins in (start, start + self.lap) if self.lap else (start,):
+                is_reached = (begins > within) & (begins <= within + ahead)
+                first = np.where(is_reached, np.maximum(first, lowest), first)
+                stop = np.where(is_reached, np.minimum(stop, lowest + there), stop)
+        return np.column_stack([first, stop - 1])
 
     def lane_centre(self, lane: int, along: float) -> float:
         """Return the lateral offset of a lane's centre line, m."""

@@ -29,6 +29,7 @@ from hj_cosim.settings.scenario import (
     NormalDistribution,
     RobotStart,
     Scenario,
+    StreamSettings,
     TrafficSettings,
 )
 from hj_cosim.settings.table import Boundary, GridSettings, Scheme, TableSpecification
@@ -62,6 +63,7 @@ __all__ = [
     "SettingEntry",
     "Settings",
     "SimulationSettings",
+    "StreamSettings",
     "TableSpecification",
     "TrackingSettings",
     "TrafficSettings",

@@ -10,13 +10,15 @@ class OwnSimulationSettings(Settings):
 
     file: str = Field("", description="a .sumocfg; its network and traffic take the place of the scenario's")
     ego: str = Field(
-        "", description="the vehicle that the robot takes over; of those that can be, a far-going one unless given"
+        "", description="the vehicle whose place the robot takes, as soon as it can; one with a long way unless given"
     )
     begin: Seconds | None = Field(
         None, ge=0, description="when the robot takes over, in the simulation's own time; after warm_up unless given"
     )
-    warm_up: Seconds = Field(300.0, ge=0, le=86400, description="from the simulation's begin on, in its own steps")
-    near: Metres = Field(250.0, ge=50, le=2000, description="the cars within it are observed and recorded")
+    warm_up: Seconds = Field(
+        300.0, ge=0, le=86400, description="before the robot takes over, half of the simulation at most"
+    )
+    near: Metres = Field(250.0, ge=10, le=2000, description="the cars within it are observed and recorded")
 
     @property
     def is_given(self) -> bool:

@@ -5,6 +5,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from hj_cosim.settings.base import (
+    CarsPerHour,
     CarsPerKilometreAndLane,
     Metres,
     MetresPerSecond,
@@ -122,6 +123,14 @@ class CarStart(Settings):
     rogue: str | None = Field(None, min_length=1, description="a behaviour as in rogues.behaviour; none when left out")
 
 
+class StreamSettings(Settings):
+    """Cars that SUMO lets in during the drive, on a route of several edges."""
+
+    from_edge: str = Field(description="where they come from")
+    to_edge: str = Field(description="where they go to, by the shortest way")
+    flow: CarsPerHour = Field(gt=0, le=20_000, description="how many, at random times")
+
+
 class RobotStart(Settings):
     """Where the robot stands when the episode begins."""
 
@@ -141,6 +150,7 @@ class Scenario(Settings):
     robot: RobotStart = Field(RobotStart(), description="where the robot starts")
     own: OwnSimulationSettings = Field(OwnSimulationSettings(), description="a user's own simulation to drive in")
     cars: tuple[CarStart, ...] = Field((), description="cars at given places, beside the drawn ones")
+    streams: tuple[StreamSettings, ...] = Field((), description="cars that come later, where the road is a route")
     rogues: RogueSettings = Field(RogueSettings(), description="drivers who mean harm")
 
     @model_validator(mode="after")
@@ -150,6 +160,12 @@ class Scenario(Settings):
                 f"rogues.share = {self.rogues.share:g}, but rogues take the scenario's own cars, of which a user's"
                 " simulation (own.file) has none; leave one of the two out"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _streams_have_a_route(self) -> "Scenario":
+        if self.streams and self.network.route is None and self.network.from_edge is None:
+            raise ValueError("streams need network.route, or from_edge and to_edge")
         return self
 
     @property

@@ -2,12 +2,17 @@
 
 import heapq
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from hj_cosim.errors import NetworkError
 from hj_cosim.traffic.net_file import NetLane, lane_of, read_elements
+from hj_cosim.traffic.sumo_lanes import SumoLane
 
 
 class Link(NamedTuple):
@@ -38,6 +43,33 @@ class NetGraph:
             shown = ", ".join(sorted(set(self.lanes) - self.inner)[:8]) or "none"
             raise NetworkError(f"{self.path} has no edge {edge!r}; it has {shown}, ...")
 
+    @cached_property
+    def arriving(self) -> Mapping[str, Sequence[tuple[str, int]]]:
+        """The lanes, as edge and index, from which each lane is entered, by its name; those inside junctions count."""
+        found: dict[str, list[tuple[str, int]]] = defaultdict(list)
+        for (source, target), links in self.links.items():
+            for link in links:
+                found[link.via or f"{target}_{link.target_lane}"].append((source, link.source_lane))
+        return found
+
+    def sumo_lane(self, edge: str, index: int, before: SumoLane | None = None) -> SumoLane:
+        """Return a lane with its centre line.
+
+        Args:
+            edge, index: its name.
+            before: the lane that leads to it, whose direction it has if it is a point: on the inner side of a bend, a
+                junction's lane may be one.
+
+        Raises:
+            NetworkError: if it cannot be read.
+        """
+        lane = self.lane(edge, index)
+        shape = without_repeats(lane.shape[:, :2])
+        if len(shape) < 2 and before is not None:
+            onward = before.shape[-1] - before.shape[-2]
+            shape = np.vstack([shape, shape[0] + 0.01 * onward / np.hypot(*onward)])
+        return SumoLane(edge, index, lane.length, shape)
+
     def lane(self, edge: str, index: int) -> NetLane:
         """Return a lane.
 
@@ -50,6 +82,11 @@ class NetGraph:
             raise NetworkError(
                 f"{self.path}: edge {edge!r} has a lane without a readable index, length or shape"
             ) from error
+
+
+def without_repeats(shape: np.ndarray) -> np.ndarray:
+    """Return a polyline (N, 2) of which no two points in a row are the same."""
+    return shape[np.append(True, np.hypot(*np.diff(shape, axis=0).T) > 1e-6)]
 
 
 def read_graph(path: Path) -> NetGraph:

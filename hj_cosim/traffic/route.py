@@ -13,8 +13,9 @@ from hj_cosim.errors import NetworkError
 from hj_cosim.scene.road import Road
 from hj_cosim.scene.route_road import RouteRoad
 from hj_cosim.settings import NetworkSettings
-from hj_cosim.traffic.net_graph import Link, NetGraph, read_graph, shortest_route
+from hj_cosim.traffic.net_graph import Link, NetGraph, read_graph, shortest_route, without_repeats
 from hj_cosim.traffic.network import NARROWEST_LANE, read_road
+from hj_cosim.traffic.ramps import lanes_of_ramps
 from hj_cosim.traffic.sumo_lanes import Section, SumoLane, SumoLanes
 
 # Real networks have a vertex every 50 m and bends of several degrees there. A spline through them swings out by metres;
@@ -99,9 +100,8 @@ class _Route:
             Section(each.start, each.length, each.is_junction, {n - lowest: lane for n, lane in each.lanes.items()})
             for each in sections
         ]
-        lanes = SumoLanes(self._edges, sections, self._laps)
         width = self._width()
-        length = lanes.lap
+        length = sections[-1].start + sections[-1].length
         if length < SHORTEST_ROUTE:
             raise NetworkError(
                 f"{self._net.path}: the route is {length:.0f} m long; take {SHORTEST_ROUTE:.0f} m or more"
@@ -112,6 +112,7 @@ class _Route:
         first = np.array([min(section.lanes) for section in sections])
         count = np.array([len(section.lanes) for section in sections])
         changes = np.flatnonzero(np.append(True, (np.diff(first) != 0) | (np.diff(count) != 0)))
+        last_of_each = np.append(changes[1:] - 1, len(sections) - 1)
         road = RouteRoad(
             lane_count=int((first + count).max()),
             lane_width=width,
@@ -121,9 +122,21 @@ class _Route:
             section_start=np.array([section.start for section in sections])[changes],
             first_lane=first[changes],
             lanes_there=count[changes],
+            leading_off=np.array([self._leading_off(sections[last]) for last in last_of_each]),
             lap=length if self._laps > 1 else 0.0,
         )
-        return road, lanes
+        return road, SumoLanes(self._edges, sections, self._laps, lanes_of_ramps(self._net, sections, road))
+
+    def _leading_off(self, section: Section) -> int:
+        """Return the bit set of a section's lanes that lead to edges which are not the route's."""
+        lanes = 0
+        for number, chain in section.lanes.items():
+            onward = self._net.following.get(chain[-1].edge, ())
+            links = [
+                link for edge in onward if edge not in self._edges for link in self._net.links[chain[-1].edge, edge]
+            ]
+            lanes |= any(link.source_lane == chain[-1].index for link in links) << number
+        return lanes
 
     def _sections(self) -> list[Section]:
         """Return the edges and the junctions between them; their lanes' numbers may still be negative."""
@@ -132,7 +145,7 @@ class _Route:
         for place, (edge, offset) in enumerate(zip(self._edges, self._offsets, strict=True)):
             lanes = {index: self._net.lane(edge, index) for index in self._net.lanes[edge]}
             chains: dict[int, tuple[SumoLane, ...]] = {
-                index + offset: (self._sumo_lane(edge, index),) for index, lane in lanes.items() if lane.admits_cars
+                index + offset: (self._net.sumo_lane(edge, index),) for index, lane in lanes.items() if lane.admits_cars
             }
             if not chains:
                 raise NetworkError(f"{self._net.path}: edge {edge!r} has no lane for cars")
@@ -156,21 +169,13 @@ class _Route:
         chains = _contiguous(chains)
         return Section(start, sum(lane.length for lane in chains[max(chains)]), True, chains)
 
-    def _sumo_lane(self, edge: str, index: int, before: SumoLane | None = None) -> SumoLane:
-        lane = self._net.lane(edge, index)
-        shape = _without_repeats(lane.shape[:, :2])
-        if len(shape) < 2 and before is not None:  # on the inner side of a bend, a junction's lane may be a point
-            onward = before.shape[-1] - before.shape[-2]
-            shape = np.vstack([shape, shape[0] + 0.01 * onward / np.hypot(*onward)])
-        return SumoLane(edge, index, lane.length, shape)
-
     def _inside(self, link: Link, source: str, target: str) -> tuple[SumoLane, ...]:
         """Return the lanes inside a junction that a link is, one behind the other."""
-        before, via = self._sumo_lane(source, link.source_lane), link.via
+        before, via = self._net.sumo_lane(source, link.source_lane), link.via
         lanes = []
         while via:
             edge, _, index = via.rpartition("_")
-            before = self._sumo_lane(edge, int(index), before)
+            before = self._net.sumo_lane(edge, int(index), before)
             lanes.append(before)
             onward = [each for each in self._net.links.get((edge, target), ()) if each.source_lane == int(index)]
             via = onward[0].via if onward else ""
@@ -218,7 +223,7 @@ def _polyline(sections: Sequence[Section], reference: int, width: float) -> tupl
     along, points = [], []
     for section in sections:
         nearest = min(section.lanes, key=lambda number: abs(number - reference))
-        shape = _without_repeats(np.vstack([lane.shape for lane in section.lanes[nearest]]))
+        shape = without_repeats(np.vstack([lane.shape for lane in section.lanes[nearest]]))
         if len(shape) < 2:
             continue  # a junction of no extent
         tangent = np.gradient(shape, axis=0)
@@ -229,10 +234,6 @@ def _polyline(sections: Sequence[Section], reference: int, width: float) -> tupl
         along.append(section.start + way / way[-1] * section.length)
         points.append(shape + (reference - nearest) * width * left)
     return np.concatenate(along), np.vstack(points)
-
-
-def _without_repeats(shape: np.ndarray) -> np.ndarray:
-    return shape[np.append(True, np.hypot(*np.diff(shape, axis=0).T) > 1e-6)]
 
 
 def smooth_knots(along: np.ndarray, points: np.ndarray, length: float, *, closed: bool) -> np.ndarray:

@@ -49,9 +49,27 @@ class SumoLane:
 class LanePlace(NamedTuple):
     """Where one lane of SUMO's lies on the road: s = start + scale times the lane position."""
 
-    number: int  # the road's, of this lane
+    number: int  # the road's, of this lane; of a ramp's beside the road, of the one that it leads to or comes from
     start: float  # m of s
     scale: float  # 1, but on a junction's lanes, which may be longer or shorter than each other
+    beside: "Beside | None" = None  # how far off a ramp's lane is
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """Where a ramp's lane lies beside the road, as far as it is near enough to be seen from there."""
+
+    position: np.ndarray  # (N,) m, ascending lane positions
+    lateral: np.ndarray  # (N,) m, d there
+
+    @property
+    def seen(self) -> tuple[float, float]:
+        """Between which lane positions (m) cars are seen."""
+        return float(self.position[0]), float(self.position[-1])
+
+    def lateral_at(self, position: float) -> float:
+        """Return d (m) of the lane's centre at a lane position (m)."""
+        return float(np.interp(position, self.position, self.lateral))
 
 
 @dataclass(frozen=True)
@@ -71,6 +89,7 @@ class SumoLanes:
     edges: tuple[str, ...]  # the route, one lap of it
     sections: Sequence[Section] = field(repr=False)
     laps: int = 1
+    ramps: Mapping[str, LanePlace] = field(default_factory=dict, repr=False)  # lanes beside the road, by name
 
     @property
     def route(self) -> str:
@@ -83,13 +102,18 @@ class SumoLanes:
         return self.sections[-1].start + self.sections[-1].length
 
     @cached_property
+    def differ(self) -> bool:
+        """Whether lanes begin, end or lead off anywhere."""
+        return bool(self.ramps) or len({frozenset(section.lanes) for section in self.sections}) > 1
+
+    @cached_property
     def _starts(self) -> list[float]:
         return [section.start for section in self.sections]
 
     @cached_property
     def by_name(self) -> Mapping[str, LanePlace]:
-        """Where each lane of SUMO's lies, by its name."""
-        found = {}
+        """Where each lane of SUMO's lies, by its name; those of ramps too."""
+        found = dict(self.ramps)
         for section in self.sections:
             for number, chain in section.lanes.items():
                 scale = section.length / sum(lane.length for lane in chain)

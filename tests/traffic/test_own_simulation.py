@@ -54,7 +54,7 @@ def test_nothing_is_written_into_the_users_folders_and_all_that_would_be_is_told
 
 
 def test_the_robot_is_where_the_vehicle_was_and_as_fast_and_the_vehicle_is_gone(tmp_path):
-    with open_own(simulation(tmp_path), ego="cars.4") as world:
+    with open_own(simulation(tmp_path), ego="cars.4", begin=30.0) as world:
         x, y, heading, speed = world.observe().robot
         assert "takes over cars.4 at 30 s" in world.told
         names = libsumo.vehicle.getIDList()
@@ -99,7 +99,7 @@ def test_others_are_where_sumo_has_them_and_come_and_go(tmp_path):
 
 def test_who_follows_the_robot_keeps_behind_it(tmp_path):
     """Theirs drive as they do, and see the robot: it stops, and they stop behind it."""
-    with open_own(simulation(tmp_path), ego="cars.4") as world:
+    with open_own(simulation(tmp_path), ego="cars.4", begin=30.0) as world:
         seen = world.observe()
         for _ in range(900):
             x, y, _, speed = seen.robot.tolist()
@@ -170,10 +170,10 @@ def test_by_default_the_one_that_goes_farthest_is_taken_over_and_a_seed_chooses_
     [
         (
             {"ego": "nobody"},
-            r"mine\.sumocfg, 30 to 3\d\d s: vehicle 'nobody' has not departed, or is gone; others are there: \w+\.",
+            r"mine\.sumocfg, 0 to 3\d\d s: vehicle 'nobody' has not departed, or is gone; others are there: \w+\.",
         ),
         (
-            {"ego": "lorries.0", "begin": 10.0},
+            {"ego": "lorries.0"},
             r"cannot take the place of vehicle 'lorries\.0', which is no passenger car but a truck",
         ),
         ({"begin": 400.0}, r"ends at 400 s, and the robot is to take over at 400 s; set scenario\.own\.begin"),
@@ -207,17 +207,36 @@ def test_what_sumo_refuses_is_told_in_its_own_first_sentence(tmp_path):
 def test_a_simulation_that_has_a_robot_already_is_refused(tmp_path):
     demand = DEMAND + '<vehicle id="robot" type="car" route="way" depart="20" departLane="1" departSpeed="20"/>'
     with pytest.raises(ScenarioError, match="a vehicle called 'robot'"):
-        open_own(simulation(tmp_path, demand=demand), ego="cars.4")
+        open_own(simulation(tmp_path, demand=demand), ego="cars.4", begin=30.0)
 
 
 def test_the_same_seed_gives_the_same_drive(tmp_path):
     configuration = simulation(tmp_path)
 
     def states(seed: int) -> bytes:
-        with open_own(configuration, seed, ego="cars.4") as world:
+        with open_own(configuration, seed, ego="cars.4", begin=30.0) as world:
             return b"".join(after.x.tobytes() + after.speed.tobytes() for _, after in drive(world, 100))
 
     first = states(3)
     for _ in range(3):  # whatever was simulated before in this process
         assert states(3) == first
     assert states(3) != states(4)
+
+
+def test_a_vehicle_that_is_named_is_taken_over_as_soon_as_it_is_there(tmp_path):
+    with open_own(simulation(tmp_path), ego="cars.20", warm_up=300.0) as world:
+        assert "takes over cars.20 at 60" in world.told
+
+
+def test_the_planner_is_told_what_is_known_of_those_near_by_their_types(tmp_path):
+    with open_own(simulation(tmp_path), ego="cars.4", begin=30.0, near=400.0) as world:
+        near = [world.vehicle_names[number] for number in world.observe().vehicle]
+        lorries = sum(name.startswith("lorries") for name in near)
+        assert 0 < lorries < len(near)
+        share = lorries / len(near)
+        driver = world.predicted
+        assert driver.minimum_gap.mean == pytest.approx(2.5)  # SUMO's, of both types
+        assert driver.max_acceleration.mean == pytest.approx(share * 1.3 + (1.0 - share) * 2.6)
+        assert driver.desired_speed.mean == pytest.approx(share * 23.0 + (1.0 - share) * 33.0, abs=1.5)
+        assert driver.max_acceleration.deviation == 0.0
+        assert "the planner predicts the others as MOBIL and IDM drivers with desired_speed" in world.told

@@ -12,6 +12,7 @@ from hj_cosim.analysis.figures import control_sets as control_sets_figure
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
 from hj_cosim.analysis.figures.attack import ROWS as ATTACK_ROWS
 from hj_cosim.analysis.figures.density_sweep import PANELS, density_sweep
+from hj_cosim.analysis.figures.drive_map import drive_map
 from hj_cosim.analysis.figures.highway import highway
 from hj_cosim.analysis.figures.planner_comparison import planner_comparison
 from hj_cosim.analysis.figures.schematic import boxed_in, schematic
@@ -76,6 +77,7 @@ FIGURES: Mapping[str, FigureKind] = {
     "planner-comparison": FigureKind("table", "plans of OP and HJOP, and the next two steps", planner_comparison),
     "highway": FigureKind("run", "a moment from above, cars in the colours of their values", highway, True),
     "snapshots": FigureKind("run", "the drive from above at evenly spaced times", snapshots),
+    "drive-map": FigureKind("run", "the network from above, and the drive in the colours of its speed", drive_map),
     "timeline": FigureKind("run", "speed, value, TTC, lane and interventions over time", timeline),
     "value-along-drive": FigureKind("run", "the values and places of the cars over time", value_along_drive, True),
     "control-sets": FigureKind(

@@ -90,6 +90,12 @@ def scenario_template() -> str:
         lines += [_line(name, field) for name, field in settings.model_fields.items()]
     lines += [
         "",
+        "# Cars that come during the drive, where the road is a route: repeat the table.",
+        "# [[streams]]",
+        '# from_edge = "e0"',
+        '# to_edge = "e1"',
+        "# flow = 900.0  # cars/h",
+        "",
         "# Cars at places of your own, beside the drawn ones: repeat the table. With traffic.count = 0 and",
         "# traffic.count_behind = 0 there are only these, and nothing settles before the robot takes over.",
         "# [[cars]]",

@@ -128,7 +128,9 @@ def read_options(path: Path) -> dict[str, str]:
     if path.is_file() and path.stat().st_size > LARGEST_CONFIGURATION:
         raise ConfigurationError(f"{path} is too large for a SUMO configuration")
     _parse(path, Options())
-    if not roots or roots[0] not in ("configuration", "sumoConfiguration", "sumo-configuration"):
+    if not roots:
+        raise ConfigurationError(f"{path} is not XML: it is empty")
+    if roots[0] not in ("configuration", "sumoConfiguration", "sumo-configuration"):
         raise ConfigurationError(f"{path} is no SUMO configuration: its root is <{roots[0]}>, not <configuration>")
     return options
 

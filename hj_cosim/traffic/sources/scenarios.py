@@ -25,6 +25,18 @@ def scenario_path(name_or_path: str) -> Path:
     return find_toml(str(name_or_path), scenarios_folder(), "scenario")
 
 
+def own_path(file: str, scenario_folder: Path | None = None) -> Path:
+    """Return the whole path of a user's own simulation, which a scenario may have beside it.
+
+    Raises:
+        ConfigurationError: if there is no such file.
+    """
+    path = _existing_file(scenario_folder or Path(), file)
+    if path is None:
+        raise ConfigurationError(f"scenario.own.file = {shown(repr(file))}: there is no such .sumocfg")
+    return path
+
+
 def is_own_simulation(name_or_path: str) -> bool:
     """Return whether a scenario is a user's own SUMO configuration."""
     return str(name_or_path).endswith(SUMO_CONFIGURATION)

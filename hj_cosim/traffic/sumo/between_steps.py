@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from hj_cosim.scene.road import Road
 
@@ -43,21 +44,10 @@ class BetweenSteps:
             road: which lane is nearest, while a car crosses from one to another.
             beside: the indices of those on other roads, which need not run along this one: they advance evenly.
         """
-        self._beside = beside if beside is not None else np.empty(0, dtype=np.int64)
         self._before, self._after, self._duration, self._road = before, after, duration, road
-        way = after.x - before.x
-        mean_speed = way / duration
-        self._quadratic = (3.0 * mean_speed - 2.0 * before.speed - after.speed) / duration
-        self._cubic = (before.speed + after.speed - 2.0 * mean_speed) / duration**2
-        # A car that stands before the step ends has made less way than one that stops just then.
-        stops = (after.speed == 0.0) & (2.0 * mean_speed < before.speed)
-        self._braking_time = np.full(len(way), duration)
-        self._braking_time[stops] = np.maximum(2.0 * way[stops] / before.speed[stops], 0.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            braking = before.speed / self._braking_time
-        self._quadratic[stops] = np.where(way[stops] > 0.0, -0.5 * braking[stops], 0.0)
-        self._cubic[stops] = 0.0
-        self._start_speed = np.where(stops & (way <= 0.0), 0.0, before.speed)
+        self._course = _course(before.x, before.speed, after.x, after.speed, duration)
+        if beside is not None and len(beside):
+            _advance_evenly(self._course, beside, before, after, duration)
         self._sideways = after.y - before.y
         self._turning = np.remainder(after.heading - before.heading + np.pi, 2.0 * np.pi) - np.pi
         self._crossing = np.flatnonzero(after.lane != before.lane)
@@ -65,14 +55,7 @@ class BetweenSteps:
     def at(self, elapsed: float) -> Motion:
         """Return the motion at `elapsed` s after the step's beginning, less than its duration."""
         before, after, share = self._before, self._after, elapsed / self._duration
-        time = np.minimum(elapsed, self._braking_time)
-        quadratic, cubic = self._quadratic * time, self._cubic * time * time
-        x = before.x + time * (self._start_speed + quadratic + cubic)
-        speed = np.maximum(self._start_speed + 2.0 * quadratic + 3.0 * cubic, 0.0)
-        if len(self._beside):
-            there = self._beside
-            x[there] = before.x[there] + share * (after.x[there] - before.x[there])
-            speed[there] = before.speed[there] + share * (after.speed[there] - before.speed[there])
+        x, speed = _along(self._course, before.x, elapsed)
         y = before.y + share * self._sideways
         lane = after.lane
         if len(self._crossing):
@@ -80,6 +63,55 @@ class BetweenSteps:
             crossing = self._crossing
             lane[crossing] = self._road.nearest_lanes(y[crossing], x[crossing])
         return Motion(x, y, before.heading + share * self._turning, speed, after.acceleration, lane)
+
+
+@njit(cache=True)
+def _course(
+    x_before: np.ndarray, speed_before: np.ndarray, x_after: np.ndarray, speed_after: np.ndarray, duration: float
+) -> np.ndarray:
+    """Return what each of J cars does, (J, 7): its way is a t + b t² + c t³, its speed v + d t + e t².
+
+    The columns are a, b, c, v, d, e, and the time at which it stands, s, or the step's end.
+    """
+    course = np.empty((len(x_before), 7))
+    for car in range(len(x_before)):
+        start, stop = speed_before[car], speed_after[car]
+        way = x_after[car] - x_before[car]
+        mean = way / duration
+        end = duration
+        quadratic = (3.0 * mean - 2.0 * start - stop) / duration
+        cubic = (start + stop - 2.0 * mean) / duration**2
+        # One that stands before the step ends has made less way than one that stops just then.
+        if stop == 0.0 and 2.0 * mean < start:
+            cubic = 0.0
+            if way > 0.0:
+                end = 2.0 * way / start
+                quadratic = -0.5 * start / end
+            else:
+                start, quadratic = 0.0, 0.0
+        course[car, 0], course[car, 1], course[car, 2] = start, quadratic, cubic
+        course[car, 3], course[car, 4], course[car, 5] = start, 2.0 * quadratic, 3.0 * cubic
+        course[car, 6] = end
+    return course
+
+
+def _advance_evenly(course: np.ndarray, cars: np.ndarray, before: Motion, after: Motion, duration: float) -> None:
+    """Let some cars, whose speed is not that along this road, go their way evenly, and their speed change so."""
+    way, gain, speed = after.x - before.x, after.speed - before.speed, before.speed
+    course[cars, 0], course[cars, 4] = way[cars] / duration, gain[cars] / duration
+    course[cars, 1] = course[cars, 2] = course[cars, 5] = 0.0
+    course[cars, 3], course[cars, 6] = speed[cars], duration
+
+
+@njit(cache=True)
+def _along(course: np.ndarray, x_before: np.ndarray, elapsed: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the positions (J,), m, and speeds (J,), m/s, at `elapsed` s."""
+    x, speed = np.empty(len(course)), np.empty(len(course))
+    for car in range(len(course)):
+        time = min(elapsed, course[car, 6])
+        x[car] = x_before[car] + time * (course[car, 0] + time * (course[car, 1] + time * course[car, 2]))
+        speed[car] = max(course[car, 3] + time * (course[car, 4] + time * course[car, 5]), 0.0)
+    return x, speed
 
 
 def foreseen(state: np.ndarray, turn_rate: float, acceleration: float, later: float, road: Road) -> np.ndarray:

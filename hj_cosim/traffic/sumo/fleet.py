@@ -14,7 +14,8 @@ from hj_cosim.settings import RobotSettings
 from hj_cosim.traffic.lane_changes import DrivingCars, wanted_lanes
 from hj_cosim.traffic.sources.placement import InitialTraffic
 from hj_cosim.traffic.sumo.between_steps import BetweenSteps, Motion
-from hj_cosim.traffic.sumo.fleet_arrays import FleetArrays, Moved
+from hj_cosim.traffic.sumo.fleet_rows import FleetArrays
+from hj_cosim.traffic.sumo.known_drivers import estimated_driver
 from hj_cosim.traffic.sumo.places import EdgePlaces, Places, RoutePlaces, nearest_lap
 from hj_cosim.traffic.sumo.puppet import Placement
 from hj_cosim.traffic.sumo.session import libsumo
@@ -26,12 +27,16 @@ from hj_cosim.vehicles.idm import PARAMETER_NAMES
 # requests are treated.
 ONLY_REQUESTED_IF_SAFE = 256
 
+# Where lanes end, SUMO's own changes out of them stay on: without them a car would stand at the end for good.
+STRATEGIC = 1
+# m; nobody wants a lane that ends within this, for SUMO would have it leave again at once.
+LASTING = 1500.0
+
 DECISION_PERIOD = 1.0  # s between two lane-change decisions of a car
 DECISION_TURNS = 10  # a tenth of the cars decides every tenth of the period
 NEVER_ITS_TURN = -1  # of who decides elsewhere: the robot, and cars that are not ours
 # Nearer than this to a lane's centre line (m), a car is not between lanes; a step of a change moves it 0.03 m.
 ON_CENTRE_LINE = 1e-3
-USUAL_EXPONENT = 4.0  # IDM's, which SUMO has no getter for
 
 
 class Fleet:
@@ -63,12 +68,12 @@ class Fleet:
             lanes: what SUMO calls its lanes, if it is a route.
             is_seen_between_steps: whether the cars are observed between two steps too; SUMO has to be ballistic then.
         """
-        self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(lanes)
-        self._lap = lanes.lap if lanes is not None and lanes.laps > 1 else 0.0
+        self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(road, lanes)
+        self._lanes_end = lanes is not None and lanes.differ
         self._is_seen_between_steps = is_seen_between_steps
         self._latest_step: BetweenSteps | None = None
         for name in names:
-            libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE)
+            libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE + STRATEGIC * self._lanes_end)
         self.vehicle_names = list(names)
         self._road = road
         self._known_drivers = initial.drivers
@@ -93,8 +98,9 @@ class Fleet:
             )
         )
         self._changing: list[int] = []  # rows of ours that were told to change lanes and are not done
+        self._ending: list[int] = []  # rows of ours in lanes that end, out of which SUMO may take them
+        self._elsewhere: list[str] = []  # vehicles in SUMO that are not to be seen from the road
         self._not_ours: list[int] = []  # rows of cars that SUMO, or a user's simulation, drives and inserts
-        self._moved: dict[str, Moved] = {}  # cars that are moved from outside, as the robot is
         self._order = np.argsort(self._rows.x, kind="stable")
 
     def take_turns(self, random: np.random.Generator) -> None:
@@ -153,7 +159,11 @@ class Fleet:
         deciding = rows.turn == turn % DECISION_TURNS
         deciding[self._changing] = False
         cars = DrivingCars(rows.x, rows.speed, rows.lane, rows.second_lane, rows.length, rows.driver)
-        wanted = wanted_lanes(self._order, deciding, cars, mobil, self._road.lane_count)
+        usable = self._road.lasting_lanes(rows.x, LASTING)
+        if self._lanes_end:
+            is_ending = (rows.lane < usable[:, 0]) | (rows.lane > usable[:, 1])
+            self._ending = np.flatnonzero(is_ending & (rows.turn != NEVER_ITS_TURN)).tolist()
+        wanted = wanted_lanes(self._order, deciding, cars, mobil, usable)
         for car in np.flatnonzero(wanted != rows.lane):
             index = self._places.index(self._names[car], int(wanted[car]))
             if index is None:
@@ -186,15 +196,17 @@ class Fleet:
             is_car: whether a vehicle of SUMO's is a car to be observed.
         """
         if libsumo.simulation.getArrivedNumber():
-            self._forget(set(libsumo.simulation.getArrivedIDList()))
-        before = self._rows.motion() if self._is_seen_between_steps else None
+            arrived = set(libsumo.simulation.getArrivedIDList())
+            self._elsewhere = [name for name in self._elsewhere if name not in arrived]
+            self._forget(arrived)
         rows = self._rows
+        before = (rows.number[:-1], rows.motion()) if self._is_seen_between_steps else None
         x = np.empty(len(rows.x))
         x[:-1], own_speed = self._places.read(self._names, step)
         x -= self._front_offset
         x[-1] = robot_state[0]
-        if self._lap:
-            x = nearest_lap(x, self._lap, float(x[-1]))
+        if self._road.lap:
+            x = nearest_lap(x, self._road.lap, float(x[-1]))
         if own_speed is not None:
             speed = np.append(own_speed, 0.0)
         elif self._is_seen_between_steps:
@@ -207,72 +219,42 @@ class Fleet:
         acceleration[-1] = robot_acceleration
         rows.y[-1], rows.heading[-1] = robot_state[1], robot_state[2]
         self._rows = rows._replace(x=x, speed=speed, acceleration=acceleration)
-        self._put_moved()
+        if own_speed is not None and np.isnan(x).any():
+            self._lose(np.flatnonzero(np.isnan(x)).tolist())
+        self._follow_those_in_ending_lanes()
         if self._changing:
             self._changing = [car for car in self._changing if self._read_sideways(car, step)]
         for car in self._not_ours:
             self._follow_change(car)
             self._read_sideways(car, step)
+        self._correct_rows()
         if before is not None:
-            self._latest_step = self._between(before, step)
+            self._latest_step = self._between(*before, step)
         if libsumo.simulation.getDepartedNumber():
-            for name in filter(is_car, libsumo.simulation.getDepartedIDList()):
+            self._elsewhere += filter(is_car, libsumo.simulation.getDepartedIDList())
+        if self._elsewhere:
+            coming = [name for name in self._elsewhere if self._places.knows(name)]
+            self._elsewhere = [name for name in self._elsewhere if name not in coming]
+            for name in coming:
                 self._admit(name, step)
 
-    def _between(self, before: Motion, step: float) -> BetweenSteps:
-        """Return how the cars moved in the step that has just been read."""
+    def _between(self, numbers: np.ndarray, before: Motion, step: float) -> BetweenSteps:
+        """Return how the cars that are still there moved in the step that has just been read; theirs were `numbers`."""
         after = self._rows.motion()
-        if self._lap:  # whoever is half a lap away from the robot changes to the other side of it
-            before = before._replace(x=before.x + self._lap * np.round((after.x - before.x) / self._lap))
+        if len(after.x) < len(before.x):
+            stays = np.isin(numbers, self._rows.number[:-1])
+            before = Motion(*(column[stays] for column in before))
+        lap = self._road.lap
+        if lap:  # whoever is half a lap away from the robot changes to the other side of it
+            before = before._replace(x=before.x + lap * np.round((after.x - before.x) / lap))
         return BetweenSteps(before, after, step, self._road)
 
     def is_beside_robot(self) -> bool:
         """Return whether a car lies alongside the robot in a lane that both are in: it hits that car, or crowds it."""
-        return self._is_beside(-1)
+        return self._rows.is_beside_somebody(-1)
 
-    def _is_beside(self, row: int) -> bool:
-        rows = self._rows
-        distance = np.abs(rows.x - rows.x[row])
-        distance[row] = math.inf
-        lanes = {int(rows.lane[row]), int(rows.second_lane[row])}
-        return any(
-            not lanes.isdisjoint((int(rows.lane[car]), int(rows.second_lane[car])))
-            for car in np.flatnonzero(distance < 0.5 * (rows.length + rows.length[row]))
-        )
-
-    def is_beside_somebody(self, name: str) -> bool:
-        """Return whether a car lies alongside another one, or the robot, in a lane that both are in."""
-        return self._is_beside(self._names.index(name))
-
-    def is_on_the_road(self, name: str) -> bool:
-        """Return whether a car is there."""
-        return name in self._names
-
-    def is_changing(self, name: str) -> bool:
-        """Return whether a car was told to change lanes and is not done."""
-        return self._names.index(name) in self._changing
-
-    def keep_lane(self, name: str) -> None:
-        """Ask a car for no lane changes any more: from now on it is moved from outside."""
-        self._rows.turn[self._names.index(name)] = NEVER_ITS_TURN
-
-    def move(self, name: str, moved: Moved) -> None:
-        """Take over where a car will be when the next step ends; SUMO is told by others."""
-        self._moved[name] = moved
-
-    def leave(self, name: str) -> None:
-        """Forget a car that was taken from the road."""
-        self._forget({name})
-
-    def _put_moved(self) -> None:
-        """Put those that are moved from outside where they were moved to."""
-        rows = self._rows
-        for name, moved in self._moved.items():
-            car = self._names.index(name)
-            rows.x[car], rows.y[car], rows.heading[car], rows.speed[car] = moved.state
-            rows.acceleration[car] = moved.acceleration
-            rows.lane[car] = rows.target_lane[car] = moved.placement.lane
-            rows.second_lane[car] = moved.placement.second_lane
+    def _correct_rows(self) -> None:
+        """Do what is left to do when all rows have been read, and nobody has come yet."""
 
     def _read_sideways(self, car: int, step: float) -> bool:
         """Read a car's lane and where it is across the road; return whether it is between lanes: not done or refused.
@@ -286,10 +268,10 @@ class Fleet:
         offset = libsumo.vehicle.getLateralLanePosition(name)
         rows.lane[car] = lane
         if abs(offset) < ON_CENTRE_LINE:
-            rows.y[car], rows.heading[car] = road.lane_centre(lane, along), 0.0
+            rows.y[car], rows.heading[car] = self._places.centre(name, lane, along), 0.0
             rows.target_lane[car] = rows.second_lane[car] = lane
             return False
-        before, rows.y[car] = rows.y[car], road.lane_centre(lane, along) + offset
+        before, rows.y[car] = rows.y[car], self._places.centre(name, lane, along) + offset
         sideways = float(rows.y[car] - before) / step
         rows.heading[car] = self._places.heading(name, along, sideways, float(rows.speed[car]))
         # SUMO has it in both lanes from the beginning, and frees the old one once its body has left it.
@@ -306,6 +288,22 @@ class Fleet:
         leaves = rows.lane[car] == lane and abs(offset) > abs(before)
         rows.target_lane[car] = lane + int(np.sign(offset)) if leaves else lane
 
+    def _follow_those_in_ending_lanes(self) -> None:
+        """Notice which of ours SUMO has begun to take out of a lane that ends, and where to."""
+        for car in self._ending:
+            if car in self._changing:
+                continue
+            offset = libsumo.vehicle.getLateralLanePosition(self._names[car])
+            if abs(offset) >= ON_CENTRE_LINE or self._places.lane(self._names[car]) != self._rows.lane[car]:
+                self._follow_change(car)
+                self._changing.append(car)
+
+    def _lose(self, cars: list[int]) -> None:
+        """Drop the rows of cars that have gone where they cannot be seen from the road; they may come back."""
+        lost = [self._names[car] for car in cars]
+        self._elsewhere += lost
+        self._forget(lost)
+
     def _admit(self, name: str, step: float) -> None:
         """Add a row for a car that has entered after the beginning; a name that comes back has its number again."""
         if name not in self.vehicle_names:
@@ -320,9 +318,9 @@ class Fleet:
             "speed": vehicle.getSpeed(name),
             "width": vehicle.getWidth(name),
         }
-        one |= {"lane": lane, "target_lane": lane, "second_lane": lane, "y": self._road.lane_centre(lane, x)}
+        one |= {"lane": lane, "target_lane": lane, "second_lane": lane, "y": self._places.centre(name, lane, x)}
         columns = {key: np.array([value]) for key, value in one.items()}
-        self._set_rows(rows.with_car(FleetArrays(driver=_estimated_driver(name)[np.newaxis], **columns)))
+        self._set_rows(rows.with_car(FleetArrays(driver=estimated_driver(name)[np.newaxis], **columns)))
         self._not_ours.append(len(self._names))
         self._names.append(name)
         robot = len(self._names)  # its row has moved down by one
@@ -330,20 +328,12 @@ class Fleet:
         self._read_sideways(robot - 1, step)
 
     def _forget(self, arrived: Collection[str]) -> None:
-        """Drop the rows of cars that have reached the end of the road."""
+        """Drop the rows of cars that have reached the end of the road, or are out of sight."""
         stays = np.array([*(name not in arrived for name in self._names), True])
         renumbered = np.cumsum(stays) - 1
         self._changing = [int(renumbered[car]) for car in self._changing if stays[car]]
+        self._ending = [int(renumbered[car]) for car in self._ending if stays[car]]
         self._not_ours = [int(renumbered[car]) for car in self._not_ours if stays[car]]
         self._names = [name for name in self._names if name not in arrived]
-        self._moved = {name: moved for name, moved in self._moved.items() if name not in arrived}
         self._order = renumbered[self._order[stays[self._order]]]
         self._set_rows(self._rows.only(stays))
-
-
-def _estimated_driver(name: str) -> np.ndarray:
-    """Return what IDM's parameters (6,) are of a vehicle of SUMO's, as far as its own car-following model has them."""
-    vehicle = libsumo.vehicle
-    desired_speed = min(vehicle.getMaxSpeed(name), vehicle.getAllowedSpeed(name))
-    getters = (vehicle.getAccel, vehicle.getDecel, vehicle.getTau, vehicle.getMinGap)
-    return np.array([desired_speed, *(getter(name) for getter in getters), USUAL_EXPONENT])

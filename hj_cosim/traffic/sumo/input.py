@@ -8,6 +8,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from hj_cosim.traffic.sources.placement import InitialTraffic
+from hj_cosim.traffic.sources.streams import Stream
 from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
 from hj_cosim.vehicles.idm import (
     COMFORTABLE_DECELERATION,
@@ -22,6 +23,7 @@ ROUTE = "road"  # what the route is called that all of them take
 LANE_CHANGE_SECONDS = 3.0
 # SUMO takes the least of a car's own top speed and the lane's limit times this factor: the own one shall count.
 IGNORE_SPEED_LIMIT = 100.0
+STREAMS_BEGIN, STREAMS_END = 1, 1_000_000  # s; after the first step, in which those who stand at places come
 
 
 def command_line(network: Path, routes: Path, log: Path, step: float, seed: int, check_collisions: bool) -> list[str]:
@@ -78,6 +80,7 @@ def write_routes(
     names: Sequence[str],
     robot: RobotVehicle,
     departure: Departure = lambda lane, front: (0, lane, front),
+    streams: Sequence[Stream] = (),
 ) -> None:
     """Write the route file that puts every car, and the robot, at its place.
 
@@ -87,6 +90,7 @@ def write_routes(
         traffic: where the cars and the robot are.
         names: the cars' (J,).
         robot: what it is.
+        streams: who comes later.
         departure: from the road's lane and s (m) of a front bumper to SUMO's; of a road that is one edge if left out.
     """
     lines = ["<routes>", f'<route id="{ROUTE}" edges={quoteattr(edges)}/>']
@@ -97,8 +101,26 @@ def write_routes(
     for name, x, lane, speed in zip(names, traffic.x, traffic.lane, traffic.speed, strict=True):
         lines.append(_vehicle(name, departure(lane, x + 0.5 * CAR_LENGTH), speed))
     lines.append(_vehicle(robot.name, departure(robot.lane, traffic.robot[0] + 0.5 * robot.length), traffic.robot[3]))
+    for stream in streams:
+        lines += _stream(stream)
     lines.append("</routes>")
     path.write_text("\n".join(lines), encoding="utf-8")
+
+
+def _stream(stream: Stream) -> list[str]:
+    """Return the elements of a stream: its drivers, and the cars that they drive."""
+    types = [
+        "    " + vehicle_type(f"{stream.name}_driver_{number}", driver, driver[DESIRED_SPEED], CAR_LENGTH, CAR_WIDTH)
+        for number, driver in enumerate(stream.drivers)
+    ]
+    return [
+        f'<vTypeDistribution id="{stream.name}_drivers">',
+        *types,
+        "</vTypeDistribution>",
+        f'<flow id="{stream.name}" type="{stream.name}_drivers" from={quoteattr(stream.from_edge)}'
+        f' to={quoteattr(stream.to_edge)} begin="{STREAMS_BEGIN}" end="{STREAMS_END}"'
+        f' period="exp({stream.per_hour / 3600.0:.17g})" departLane="best" departSpeed="max"/>',
+    ]
 
 
 def vehicle_type(name: str, driver: np.ndarray, top_speed: float, length: float, width: float) -> str:

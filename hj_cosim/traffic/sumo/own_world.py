@@ -1,6 +1,7 @@
 """A user's own simulation as a World: their network, traffic and drivers, with the robot in one vehicle's place."""
 
 import contextlib
+import math
 from pathlib import Path
 from typing import Self
 
@@ -11,20 +12,24 @@ from hj_cosim.errors import NetworkError, ScenarioError, SimulationError
 from hj_cosim.files import temporary_folder
 from hj_cosim.scene.observation import Observation
 from hj_cosim.scene.road import Road
-from hj_cosim.settings import NetworkSettings, RobotSettings, Scenario
+from hj_cosim.settings import DriverSettings, NetworkSettings, RobotSettings, Scenario
 from hj_cosim.traffic.junctions import read_junctions
 from hj_cosim.traffic.road_end import RoadEnd
 from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.own_configuration import OwnConfiguration, copy_configuration
 from hj_cosim.traffic.sumo.between_steps import foreseen
+from hj_cosim.traffic.sumo.known_drivers import typical_driver
 from hj_cosim.traffic.sumo.puppet import GHOST, ROBOT, placement, without_ghost
 from hj_cosim.traffic.sumo.route_puppet import RoutePuppet
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo, log
 from hj_cosim.traffic.sumo.surroundings import Surroundings
 from hj_cosim.traffic.sumo.warm_up import TakeOver, quiet, resumed, warm_up
-from hj_cosim.traffic.sumo_lanes import SumoLanes
+from hj_cosim.traffic.sumo_lanes import LanePlace, SumoLanes
+from hj_cosim.vehicles.idm import PARAMETER_NAMES, mean_driver
 
 ROUTE = "robot's route"
+BENDS_LOOKED_AT = 2.0  # m of s
+LEAST_ROAD = 100.0  # m, before a bend that is too sharp
 # What the robot's vehicle is, whatever the default type of the user's is changed to.
 USUAL_TYPE = "DEFAULT_VEHTYPE"
 ANY_LANE = "ignoring"  # a vehicle class that SUMO sees on every lane
@@ -44,10 +49,19 @@ class OwnWorld:
 
     Attributes:
         road: the way of the vehicle that was taken over, as far as it is a road.
+        predicted: what a planner may take the others for: the mean of what is known of those near at the take-over.
         told: TOML, what was chosen, overridden and silenced.
     """
 
-    def __init__(self, scenario: Scenario, robot: RobotSettings, seed: int, step: float, traffic_step: float) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        robot: RobotSettings,
+        seed: int,
+        step: float,
+        traffic_step: float,
+        fastest: float | None = None,
+    ) -> None:
         """Warm the simulation up, and put the robot into a vehicle's place.
 
         Args:
@@ -56,6 +70,8 @@ class OwnWorld:
             seed: of SUMO, and of the choice of the vehicle.
             step: s, the robot's.
             traffic_step: s, SUMO's while the robot drives; a multiple of the robot's.
+            fastest: m/s, that is planned, for which the road's bends must not be too sharp; the robot's limit unless
+                given.
 
         Raises:
             ConfigurationError: if the configuration or a file of it cannot be read.
@@ -74,13 +90,18 @@ class OwnWorld:
             unless_built.callback(self._close_session)
             own = copy_configuration(Path(scenario.own.file), folder)
             taken = warm_up(own, scenario.own, read_junctions(own.network), seed, folder)
-            self.road, lanes, self._end = _road_of(own, taken)
+            self.road, lanes, end = _road_of(own, taken)
+            place = _place_of(taken, lanes)
+            start = place.start + place.scale * taken.position - robot.length
+            self._end = _before_sharp_bends(self.road, robot, min(fastest or math.inf, robot.speed_max), start, end)
             self._resume(own, taken, seed)
-            self._robot, self._robot_acceleration = self._take_over(taken, lanes), 0.0
+            self._robot, self._robot_acceleration = self._take_over(taken, place), 0.0
             self._puppet = RoutePuppet(self.road, lanes, ROUTE)
             self._surroundings = Surroundings(ROBOT, GHOST, self.road, lanes, scenario.own.near)
-            self._surroundings.read(float(self._robot[0]))
-            self.told = _notes(own, taken, self._traffic_step, self._end)
+            self._surroundings.read()
+            near = [self.vehicle_names[number] for number in self.observe().vehicle]
+            self.predicted = typical_driver(near, scenario.drivers)
+            self.told = _notes(own, taken, self._traffic_step, self._end, self.predicted)
             self._at_the_end = unless_built.pop_all()
 
     def _resume(self, own: OwnConfiguration, taken: TakeOver, seed: int) -> None:
@@ -91,14 +112,8 @@ class OwnWorld:
             words += [f"--{name}", value]
         self._session.start(words, f"{own.path} from {taken.time:g} s on", inserts=False)
 
-    def _take_over(self, taken: TakeOver, lanes: SumoLanes) -> np.ndarray:
+    def _take_over(self, taken: TakeOver, place: LanePlace) -> np.ndarray:
         """Put the robot into the vehicle's place, at once and at its speed, and return its state (4,)."""
-        place = lanes.by_name.get(taken.lane)
-        if place is None:
-            raise ScenarioError(
-                f"vehicle {taken.vehicle!r} is in lane {taken.lane!r}, which its road leaves; name another one with"
-                " scenario.own.ego (--ego)"
-            )
         for kind, names in (("vehicle", libsumo.vehicle.getIDList()), ("type", libsumo.vehicletype.getIDList())):
             if {ROBOT, GHOST} & set(names):
                 raise ScenarioError(f"the simulation has a {kind} called {ROBOT!r} or {GHOST!r}; rename it")
@@ -161,7 +176,7 @@ class OwnWorld:
             self._puppet.place(robot, is_beside)
             self._session.step()
             self._puppet.after_step(float(robot_state[3]))
-            self._surroundings.read(float(robot_state[0]), self._traffic_step)
+            self._surroundings.read(self._traffic_step)
         except SUMO_ERRORS as error:
             raise SimulationError(f"SUMO failed at {self._time:.2f} s: {' '.join(str(error).split())}") from error
 
@@ -225,6 +240,37 @@ def _road_of(own: OwnConfiguration, taken: TakeOver) -> tuple[Road, SumoLanes, R
     return (*best, _end_of(best[0], taken.obstacle if enough == len(taken.edges) else "road"))
 
 
+def _place_of(taken: TakeOver, lanes: SumoLanes) -> LanePlace:
+    place = lanes.by_name.get(taken.lane)
+    if place is None or place.beside is not None:
+        raise ScenarioError(
+            f"vehicle {taken.vehicle!r} is in lane {taken.lane!r}, which its road leaves; name another one with"
+            " scenario.own.ego (--ego)"
+        )
+    return place
+
+
+def _before_sharp_bends(road: Road, robot: RobotSettings, fastest: float, start: float, end: RoadEnd) -> RoadEnd:
+    """Return the road's end, or the place before it where a bend takes more than the robot keeps for bends.
+
+    Raises:
+        NetworkError: if that is where the robot starts.
+    """
+    sharpest = min(robot.bend_rate_max / fastest, robot.bend_acceleration_max / fastest**2)
+    along = np.arange(max(start, 0.0), end.along, BENDS_LOOKED_AT)
+    sharp = np.flatnonzero([abs(road.curvature_at(float(place))) > sharpest for place in along])
+    if not len(sharp):
+        return end
+    where, radius = float(along[sharp[0]]), 1.0 / abs(road.curvature_at(float(along[sharp[0]])))
+    needed = (
+        f"a bend of radius {radius:.0f} m, and {1.0 / sharpest:.0f} m is what the robot keeps for bends"
+        f" (robot.bend_rate_max, robot.bend_acceleration_max) at {fastest:g} m/s"
+    )
+    if where - start < LEAST_ROAD:
+        raise NetworkError(f"where the robot takes over there is {needed}; name another vehicle with --ego")
+    return RoadEnd(where, "bend that is too sharp", f"there is {needed}; lower robot.speed_max")
+
+
 def _end_of(road: Road, obstacle: str | None) -> RoadEnd:
     if obstacle is None:
         return RoadEnd(road.length, "end of its vehicle's route", "take over one with a longer way (--ego)")
@@ -246,11 +292,15 @@ def _make_type(body: RobotSettings) -> None:
     kind.setParameter(ROBOT, "has.rerouting.device", "false")
 
 
-def _notes(own: OwnConfiguration, taken: TakeOver, traffic_step: float, end: RoadEnd) -> str:
+def _notes(own: OwnConfiguration, taken: TakeOver, traffic_step: float, end: RoadEnd, predicted: DriverSettings) -> str:
     """Return what was chosen, overridden and silenced, a sentence each, as TOML."""
+    driver = ", ".join(
+        f"{name} {value:.3g}" for name, value in zip(PARAMETER_NAMES, mean_driver(predicted), strict=True)
+    )
     chosen = [
         f"the robot takes over {taken.vehicle} at {taken.time:g} s, in lane {taken.lane}, at {taken.speed:.1f} m/s",
         f"its way has {len(taken.edges)} edges, {end.along:.0f} m of road, up to the {end.reason}",
+        f"the planner predicts the others as MOBIL and IDM drivers with {driver}",
     ]
     overridden = [f"step-length {own.step:g} -> {traffic_step:g}: cars are where they are seen"]
     overridden += [

@@ -12,6 +12,7 @@ from hj_cosim.traffic.sumo_lanes import SumoLanes
 
 # m, by which a car's way in a step may differ from its speed times the step; it has entered another lane where it does.
 _SAME_LANE = 1e-6
+_ALL_ALONG = (-math.inf, math.inf)
 
 
 class Places(Protocol):
@@ -27,6 +28,14 @@ class Places(Protocol):
 
     def index(self, name: str, lane: int) -> int | None:
         """Return the index of the road's lane `lane` on the edge that a car is on; None if it does not exist there."""
+        ...
+
+    def knows(self, name: str) -> bool:
+        """Return whether a vehicle is on the road, or near enough beside it to be observed."""
+        ...
+
+    def centre(self, name: str, lane: int, along: float) -> float:
+        """Return d (m) of the centre line of the lane that a car is in, whose number and s (m) are known."""
         ...
 
     def heading(self, name: str, along: float, sideways: float, forward: float) -> float:
@@ -58,6 +67,14 @@ class EdgePlaces:
         """Return the lane itself; see Places."""
         return lane
 
+    def knows(self, name: str) -> bool:
+        """Return True: who is in SUMO is on this edge."""
+        return True
+
+    def centre(self, name: str, lane: int, along: float) -> float:
+        """Return d of the road's lane; see Places."""
+        return self._road.lane_centre(lane, along)
+
     def heading(self, name: str, along: float, sideways: float, forward: float) -> float:
         """Return SUMO's angle, relative to the road."""
         angle = math.radians(90.0 - libsumo.vehicle.getAngle(name))
@@ -71,18 +88,21 @@ class RoutePlaces:
     ballistic, the mean one: then it has come into another edge, whose positions count from 0 again.
     """
 
-    def __init__(self, lanes: SumoLanes) -> None:
+    def __init__(self, road: Road, lanes: SumoLanes) -> None:
+        self._road = road
         self._lanes = lanes
         self._names: Sequence[str] = ()
         self._position = self._speed = self._start = self._scale = np.empty(0)
+        self._seen = np.empty((0, 2))  # between which lane positions
 
     def read(self, names: Sequence[str], step: float) -> tuple[np.ndarray, np.ndarray | None]:
-        """Return where the fronts are, on the route's first lap, and SUMO's own speeds; NaN off the route."""
+        """Return where the fronts are, in the first lap, NaN of those out of sight, and SUMO's own speeds."""
         vehicle, count = libsumo.vehicle, len(names)
         position = np.fromiter(map(vehicle.getLanePosition, names), float, count)
         speed = np.fromiter(map(vehicle.getSpeed, names), float, count)
         if names is not self._names or count != len(self._position):
             self._names, self._start, self._scale = names, np.empty(count), np.empty(count)
+            self._seen = np.empty((count, 2))
             moved: Sequence[int] = range(count)
         else:
             way = position - self._position
@@ -91,11 +111,28 @@ class RoutePlaces:
         for car in moved:
             place = self._lanes.by_name.get(vehicle.getLaneID(names[car]))
             self._start[car], self._scale[car] = (math.nan, 1.0) if place is None else (place.start, place.scale)
+            self._seen[car] = _ALL_ALONG if place is None or place.beside is None else place.beside.seen
         self._position, self._speed = position, speed
-        return self._start + self._scale * position, speed
+        fronts = self._start + self._scale * position
+        return np.where((position < self._seen[:, 0]) | (position > self._seen[:, 1]), math.nan, fronts), speed
+
+    def knows(self, name: str) -> bool:
+        """Return whether a vehicle is on the route, or on a ramp's part that is near it; see Places."""
+        place = self._lanes.by_name.get(libsumo.vehicle.getLaneID(name))
+        if place is None or place.beside is None:
+            return place is not None
+        first, last = place.beside.seen
+        return bool(first <= libsumo.vehicle.getLanePosition(name) <= last)
+
+    def centre(self, name: str, lane: int, along: float) -> float:
+        """Return d of the road's lane, or of a ramp's lane where the car is; see Places."""
+        beside = self._lanes.by_name[libsumo.vehicle.getLaneID(name)].beside
+        if beside is None:
+            return self._road.lane_centre(lane, along)
+        return beside.lateral_at(libsumo.vehicle.getLanePosition(name) - 0.5 * libsumo.vehicle.getLength(name))
 
     def lane(self, name: str) -> int:
-        """Return the road's lane, or the one that it was last seen in; see Places."""
+        """Return the road's lane; see Places."""
         return self._lanes.by_name[libsumo.vehicle.getLaneID(name)].number
 
     def index(self, name: str, lane: int) -> int | None:

@@ -13,10 +13,9 @@ from hj_cosim.settings import RobotSettings, RogueSettings
 from hj_cosim.traffic.rogues.catalogue import ChosenRogue, make_behaviour
 from hj_cosim.traffic.rogues.contract import Behaviour, BehaviourInputs, CarInput, RogueView, ValuesOfCars
 from hj_cosim.traffic.rogues.restraint import OwnCar, moved, ordinary_input, restrained
-from hj_cosim.traffic.sumo.fleet import Fleet
-from hj_cosim.traffic.sumo.fleet_arrays import Moved
 from hj_cosim.traffic.sumo.puppet import Puppet, placement
 from hj_cosim.traffic.sumo.session import libsumo
+from hj_cosim.traffic.sumo.shared_fleet import Moved, SharedFleet
 from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
 from hj_cosim.vehicles.idm import DESIRED_SPEED
 
@@ -54,7 +53,7 @@ class RogueCars:
     def __init__(
         self,
         chosen: tuple[ChosenRogue, ...],
-        fleet: Fleet,
+        fleet: SharedFleet,
         make_puppet: Callable[[str], Puppet],
         road: Road,
         robot: RobotSettings,
@@ -122,7 +121,7 @@ class RogueCars:
     def _take_over(self, rogue: _Rogue) -> None:
         libsumo.vehicle.setMaxSpeed(rogue.name, TOP_SPEED)
         rogue.puppet = self._make_puppet(rogue.name)
-        self._fleet.keep_lane(rogue.name)
+        self._fleet.hand_over(rogue.name)
 
     def _move(
         self, rogue: _Rogue, row: int, accomplices: tuple[int, ...], observation: Observation, step: float
@@ -149,7 +148,7 @@ class RogueCars:
     def _take_away(self, rogue: _Rogue) -> None:
         assert rogue.puppet is not None
         rogue.puppet.remove()
-        self._fleet.leave(rogue.name)
+        self._fleet.take_away(rogue.name)
         self._rogues = [other for other in self._rogues if other is not rogue]
 
     def after_step(self) -> None:

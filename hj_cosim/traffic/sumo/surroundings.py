@@ -19,20 +19,11 @@ from hj_cosim.vehicles.idm import PARAMETER_NAMES
 
 # Nearer than this to a lane's centre line (m), a vehicle is not between lanes.
 ON_CENTRE_LINE = 1e-3
-# How far beside the road (m) and how far turned against it (rad) somebody on another lane, a ramp's, may be to be seen.
-BESIDE_THE_ROAD = 8.0
-ABOUT_ALONG_THE_ROAD = 0.6
-# m, of height: who is on a bridge above the road, or below it, is not beside it.
-SAME_LEVEL = 3.0
-STEEPEST = 0.06  # of the roads between here and there
-
 READ = (
     constants.VAR_LANE_ID,
     constants.VAR_LANEPOSITION,
     constants.VAR_LANEPOSITION_LAT,
     constants.VAR_SPEED,
-    constants.VAR_POSITION3D,
-    constants.VAR_ANGLE,
 )
 
 Told = Mapping[int, Any]  # what SUMO says of a vehicle, by READ
@@ -87,22 +78,18 @@ class Surroundings:
         """Nobody knows them: NaN, (len(vehicle_names), 6); see World."""
         return np.full((len(self.vehicle_names), len(PARAMETER_NAMES)), math.nan)
 
-    def read(self, robot_along: float, duration: float | None = None) -> None:
+    def read(self, duration: float | None = None) -> None:
         """Read who is near the robot.
 
         Args:
-            robot_along: s of the robot, m.
             duration: s, of SUMO's step that has just been made; None at the beginning, when there was none.
         """
         before = self._seen
         told: Mapping[str, Told] = libsumo.vehicle.getContextSubscriptionResults(self._robot)
-        here = told.get(self._robot, {}).get(constants.VAR_POSITION3D, (0.0, 0.0, 0.0))
         seen: dict[int, _Seen] = {}
         for name in sorted(set(told).difference(self._not_others)):
             number = self._numbers.get(name)
-            if _is_on_another_level(told[name], here):
-                continue
-            one = self._place(told[name], name, None if number is None else before.get(number), robot_along, duration)
+            one = self._place(told[name], name, None if number is None else before.get(number), duration)
             if one is not None:
                 seen[self._number(name) if number is None else number] = one
         self._seen = dict(sorted(seen.items()))
@@ -180,58 +167,29 @@ class Surroundings:
         self._bodies.append(_Body(libsumo.vehicle.getLength(name), libsumo.vehicle.getWidth(name)))
         return self._numbers[name]
 
-    def _place(
-        self,
-        told: Told,
-        name: str,
-        before: _Seen | None,
-        robot_along: float,
-        duration: float | None,
-    ) -> _Seen | None:
-        """Return where somebody is in the road frame; None if that is neither on the road nor beside it."""
-        number = self._numbers.get(name)
-        length = self._bodies[number].length if number is not None else libsumo.vehicle.getLength(name)
-        speed = float(told[constants.VAR_SPEED])
+    def _place(self, told: Told, name: str, before: _Seen | None, duration: float | None) -> _Seen | None:
+        """Return where somebody is in the road frame; None if neither on the road nor on a ramp's part beside it."""
         place = self._lanes.by_name.get(str(told[constants.VAR_LANE_ID]))
         if place is None:
-            return self._beside(told, length, speed, robot_along)
-        x = place.start + place.scale * float(told[constants.VAR_LANEPOSITION]) - 0.5 * length
-        offset = float(told[constants.VAR_LANEPOSITION_LAT])
-        lane = place.number
-        if abs(offset) < ON_CENTRE_LINE:
-            return _Seen(x, self._road.lane_centre(lane, x), 0.0, speed, lane, lane, True)
-        y = self._road.lane_centre(lane, x) + offset
-        sideways = (y - before.y) / duration if before is not None and before.is_on_the_road and duration else 0.0
+            return None
+        number = self._numbers.get(name)
+        length = self._bodies[number].length if number is not None else libsumo.vehicle.getLength(name)
+        speed, position = float(told[constants.VAR_SPEED]), float(told[constants.VAR_LANEPOSITION])
+        offset, lane = float(told[constants.VAR_LANEPOSITION_LAT]), place.number
+        x = place.start + place.scale * position - 0.5 * length
+        if place.beside is not None:
+            first, last = place.beside.seen
+            if not first <= position <= last:
+                return None
+            centre = place.beside.lateral_at(position - 0.5 * length)
+        else:
+            centre = self._road.lane_centre(lane, x)
+        is_on_the_road = place.beside is None
+        if abs(offset) < ON_CENTRE_LINE and is_on_the_road:
+            return _Seen(x, centre, 0.0, speed, lane, lane, True)
+        y = centre + offset
+        sideways = (y - before.y) / duration if before is not None and duration else 0.0
         heading = math.atan2(sideways, speed) if speed > abs(sideways) else 0.0
-        leaves = sideways * offset > 0.0
+        leaves = is_on_the_road and sideways * offset > 0.0
         target = lane + int(math.copysign(1, offset)) if leaves else lane
-        return _Seen(x, y, heading, speed, lane, target, True)
-
-    def _beside(self, told: Told, length: float, speed: float, robot_along: float) -> _Seen | None:
-        """Return where somebody on another road is, a ramp perhaps; None if that road does not run along ours."""
-        front_x, front_y, _ = told[constants.VAR_POSITION3D]
-        direction = math.radians(90.0 - float(told[constants.VAR_ANGLE]))
-        x = float(front_x) - 0.5 * length * math.cos(direction)
-        y = float(front_y) - 0.5 * length * math.sin(direction)
-        near = robot_along + self._towards(x, y, robot_along)
-        if not 0.0 <= near <= self._road.length:
-            return None
-        along, lateral, heading = self._road.from_world(x, y, direction, near)
-        heading = math.remainder(heading, math.tau)
-        if not 0.0 <= along <= self._road.length or abs(heading) > ABOUT_ALONG_THE_ROAD:
-            return None
-        lines = self._road.lane_lines(along)
-        if not lines[0] - BESIDE_THE_ROAD <= lateral <= lines[-1] + BESIDE_THE_ROAD:
-            return None
-        lane = self._road.lane_at(lateral, along)
-        return _Seen(along, lateral, heading, speed, lane, lane, False)
-
-    def _towards(self, x: float, y: float, robot_along: float) -> float:
-        """Return how far along the road a place is from the robot, m, roughly: along the robot's own direction."""
-        here_x, here_y, direction = self._road.to_world(robot_along, 0.0, 0.0)
-        return (x - here_x) * math.cos(direction) + (y - here_y) * math.sin(direction)
-
-
-def _is_on_another_level(told: Told, here: tuple[float, float, float]) -> bool:
-    x, y, z = told[constants.VAR_POSITION3D]
-    return bool(abs(z - here[2]) > SAME_LEVEL + STEEPEST * math.hypot(x - here[0], y - here[1]))
+        return _Seen(x, y, heading, speed, lane, target, is_on_the_road)

@@ -16,8 +16,9 @@ from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo
 
 SHORTEST_WAY = 300.0  # m, ahead of a vehicle that is taken over unasked
 FAR_ENOUGH = 0.8  # of the longest way ahead: among these a seed chooses
-SEARCHED_EVERY = 10.0  # s
-LONGEST_SEARCH = 1800.0  # s
+LATER = 60.0  # s, by which the robot takes over later than without a seed, at most
+SEARCHED_EVERY, EGO_SEARCHED_EVERY = 10.0, 1.0  # s
+LONGEST_SEARCH, LONGEST_SIMULATION = 1800.0, 86400.0  # s
 BEHIND = 500.0  # m of road behind a vehicle that is taken over, at most with as many edges as
 MOST_EDGES_BEHIND = 50
 _NAMES_SHOWN = 8
@@ -104,13 +105,14 @@ def _search(
     own: OwnConfiguration, wish: OwnSimulationSettings, junctions: Junctions, seed: int, state: Path
 ) -> TakeOver:
     simulation = libsumo.simulation
-    start = own.begin + wish.warm_up if wish.begin is None else wish.begin
+    start = _start(own, wish, seed)
     if start >= own.end:
         raise ScenarioError(
             f"{own.path} ends at {own.end:g} s, and the robot is to take over at {start:g} s; set scenario.own.begin"
             " (--begin) to an earlier time"
         )
-    last = min(own.end, start + LONGEST_SEARCH)
+    every = EGO_SEARCHED_EVERY if wish.ego else SEARCHED_EVERY
+    last = min(own.end, start + (LONGEST_SIMULATION if wish.ego else LONGEST_SEARCH))
     _run_until(start)
     refusal = "there is no vehicle"
     while True:
@@ -121,8 +123,20 @@ def _search(
         if found is not None:
             refusal = found
         if simulation.getTime() >= last or simulation.getMinExpectedNumber() == 0:
-            raise ScenarioError(f"{own.path}, {start:g} to {simulation.getTime():g} s: {refusal}")
-        _run_until(min(float(simulation.getTime()) + SEARCHED_EVERY, last))
+            raise ScenarioError(f"{own.path}, {start:.0f} to {simulation.getTime():.0f} s: {refusal}")
+        _run_until(min(float(simulation.getTime()) + every, last))
+
+
+def _start(own: OwnConfiguration, wish: OwnSimulationSettings, seed: int) -> float:
+    """Return from when on the robot may take over, s: not at the same instant for every seed, unless that is given."""
+    if wish.begin is not None:
+        return wish.begin
+    if wish.ego:
+        return own.begin  # as soon as it can be
+    start = min(own.begin + wish.warm_up, 0.5 * (own.begin + own.end))
+    if seed == 0:
+        return start
+    return start + float(np.random.default_rng([seed, 4]).uniform(0.0, min(LATER, 0.5 * (own.end - start))))
 
 
 def _taken_over(found: "_Candidate", junctions: Junctions, state: Path) -> TakeOver:

@@ -20,13 +20,15 @@ from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.settling import follow_lane, robot_driver
 from hj_cosim.traffic.sources.placement import InitialTraffic, initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path
+from hj_cosim.traffic.sources.streams import drawn_streams
 from hj_cosim.traffic.sumo.between_steps import foreseen
-from hj_cosim.traffic.sumo.fleet import DECISION_PERIOD, DECISION_TURNS, Fleet
+from hj_cosim.traffic.sumo.fleet import DECISION_PERIOD, DECISION_TURNS
 from hj_cosim.traffic.sumo.input import ROUTE, RobotVehicle, command_line, write_routes
 from hj_cosim.traffic.sumo.puppet import ROBOT, Puppet, is_ghost, placement, without_ghost
 from hj_cosim.traffic.sumo.rogue_cars import RogueCars
 from hj_cosim.traffic.sumo.route_puppet import RoutePuppet
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo, log
+from hj_cosim.traffic.sumo.shared_fleet import SharedFleet
 from hj_cosim.vehicles.mobil import mobil_parameters
 
 TURN_TOLERANCE = 1e-6  # of a turn: a step's beginning is the turn's in spite of rounding
@@ -84,7 +86,7 @@ class SumoWorld:
             names = self._start(scenario, network, initial, seed)
             self._robot, self._robot_acceleration = initial.robot.copy(), 0.0
             is_finer = self._steps_a_traffic_step > 1  # the robot's clock than SUMO's
-            self._fleet = Fleet(
+            self._fleet = SharedFleet(
                 initial, names, robot, self._robot_driver, self.road, self._lanes, is_seen_between_steps=is_finer
             )
             self._fleet.take_turns(np.random.default_rng([seed, 2]))
@@ -107,7 +109,8 @@ class SumoWorld:
             if self._lanes is None:
                 write_routes(routes, scenario.network.edge, initial, names, robot)
             else:
-                write_routes(routes, self._lanes.route, initial, names, robot, self._lanes.departure)
+                streams = drawn_streams(scenario, seed)
+                write_routes(routes, self._lanes.route, initial, names, robot, self._lanes.departure, streams)
         warnings, looks = self._session.warnings_file, scenario.traffic.check_collisions
         words = command_line(network, routes, warnings, self._traffic_step, seed, looks)
         if self._steps_a_traffic_step > 1:
@@ -159,6 +162,7 @@ class SumoWorld:
             state, acceleration = follow_lane(
                 self.observe(), self._robot_driver, self.road, self._body.length, self._traffic_step
             )
+            require_road(self.road, placement(state, self._body, self.road).along, self._time)
             self._advance_traffic(state, acceleration, rogues_begin=False)
             self._robot, self._robot_acceleration = state, acceleration
             self._steps += self._steps_a_traffic_step
@@ -170,7 +174,8 @@ class SumoWorld:
         SUMO's own step, which may be several of the robot's, is made when the first of these is: all that others do in
         it, they do by what they see at its beginning. Where the robot will be at its end is foreseen.
         """
-        require_road(self.road, placement(robot_state, self._body, self.road).along, self._time)
+        front = float(robot_state[0]) + 0.5 * self._body.length * math.cos(robot_state[2])
+        require_road(self.road, front, self._time)
         if self._steps % self._steps_a_traffic_step == 0:
             later = (self._steps_a_traffic_step - 1) * self._step
             turn_rate = (float(robot_state[2]) - float(self._robot[2])) / self._step

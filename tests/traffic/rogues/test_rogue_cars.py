@@ -22,6 +22,13 @@ class Wild:
         return CarInput(heading=1.0, acceleration=100.0)
 
 
+class Sideways:
+    """Goes to the left at its speed."""
+
+    def act(self, view):
+        return CarInput(heading=1.0, acceleration=0.0)
+
+
 class Straddling:
     """Goes to the line between lanes 1 and 2, and drives 10 m/s."""
 
@@ -73,11 +80,17 @@ def test_a_rogue_turns_and_moves_as_the_games_other_car():
     assert braking == pytest.approx(-3.0)
 
 
-def test_a_rogue_runs_into_nobody_but_the_robot(drive, rogue):
-    others = [CarStart(lane=2, x=60.0, speed=12.0, desired_speed=12.0), CarStart(lane=3, x=33.0, speed=20.0)]
-    tracks = drive([rogue(Wild, 2, 30.0), *others], 8.0)
+def test_a_rogue_runs_into_nobody_ahead(drive, rogue):
+    ahead = CarStart(lane=3, x=60.0, speed=12.0, desired_speed=12.0)
+    tracks = drive([rogue(Wild, 2, 30.0), ahead], 8.0)
     assert not touches(tracks.of(0), tracks.of(1))
-    assert not touches(tracks.of(0), tracks.of(2))
+
+
+def test_a_rogue_does_not_steer_into_who_is_beside(drive, rogue):
+    beside = CarStart(lane=3, x=31.0, speed=SPEED, desired_speed=SPEED)
+    tracks = drive([rogue(Sideways, 2, 30.0), beside], 4.0)
+    assert not touches(tracks.of(0), tracks.of(1))
+    assert touches(drive([rogue(Sideways, 2, 30.0)], 4.0).of(0), tracks.of(1))  # which it would else
 
 
 def test_a_rogue_between_two_lanes_is_seen_in_both(drive, rogue):

@@ -1,11 +1,11 @@
-"""The rows of the fleet: what is known of every car on the road, and of the robot, after a step of SUMO's."""
+"""What the fleet knows of its cars, as arrays with a row for each."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from hj_cosim.traffic.sumo.between_steps import Motion
-from hj_cosim.traffic.sumo.puppet import Placement
 
 
 class FleetArrays(NamedTuple):
@@ -46,10 +46,12 @@ class FleetArrays(NamedTuple):
             *(np.concatenate([column[:-1], new, column[-1:]]) for column, new in zip(self, car, strict=True))
         )
 
-
-class Moved(NamedTuple):
-    """Where a car that is moved from outside will be when a step ends."""
-
-    state: np.ndarray  # (4,) p_x, p_y (m), heading (rad), speed (m/s), in the road frame
-    acceleration: float  # m/s², during the step
-    placement: Placement
+    def is_beside_somebody(self, row: int) -> bool:
+        """Return whether somebody lies alongside a row's vehicle in a lane that both are in."""
+        distance = np.abs(self.x - self.x[row])
+        distance[row] = math.inf
+        lanes = {int(self.lane[row]), int(self.second_lane[row])}
+        return any(
+            not lanes.isdisjoint((int(self.lane[other]), int(self.second_lane[other])))
+            for other in np.flatnonzero(distance < 0.5 * (self.length + self.length[row]))
+        )
