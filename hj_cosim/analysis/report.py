@@ -16,6 +16,7 @@ from typing import Any
 import pandas as pd
 import tomli_w
 
+from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE
 from hj_cosim.analysis.figures.gallery import TEXT_COLUMNS, draw_figure, read_study_table, table_of
 from hj_cosim.analysis.figures.stacks import STACK_COLUMNS
 from hj_cosim.analysis.figures.style import save_drawing
@@ -118,6 +119,8 @@ def study_page(folder: Path, progress: Progress) -> str:
     figures = {"trade-off": "Safety over performance in windows of ten seconds."}
     if table.scenario.nunique() > 1:
         figures["density-sweep"] = "What denser traffic does."
+    if {BEHAVIOUR, SHARE} <= set(table.columns):
+        figures["attack"] = "What drivers who mean harm do."
     drawn = []
     for done, (name, caption) in enumerate(figures.items(), start=1):
         drawn.append(_figure(name, caption, study=folder))

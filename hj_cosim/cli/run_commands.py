@@ -27,7 +27,7 @@ from hj_cosim.locations import runs_folder
 @app.command(epilog=example("hj-cosim run dense --planner op --seed 3 --set planner.expansions=200"))
 def run(
     scenario: Scenario = "paper",
-    planner: Annotated[str | None, typer.Option(help="hjop, op, idle, or FILE.py:Class of your own.")] = None,
+    planner: Annotated[str | None, typer.Option(help="hjop, op, mppi, idle, or FILE.py:Class of your own.")] = None,
     filter: Annotated[str | None, typer.Option(help="spc, rss, none, or FILE.py:Class of your own.")] = None,
     scheme: Annotated[str | None, typer.Option(help="mi (minimally interventional) or sw (switching).")] = None,
     preset: Annotated[str, typer.Option(help="best or paper.")] = "best",

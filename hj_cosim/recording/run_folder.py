@@ -20,6 +20,7 @@ from hj_cosim.files import naming_the_place, remove_abandoned, require_writable,
 from hj_cosim.locations import given_path
 from hj_cosim.recording.columns import name_column, numeric_column, text_column
 from hj_cosim.recording.record import DURATION, NO_VEHICLE, ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
+from hj_cosim.recording.roles import rogues_of, role_column
 from hj_cosim.recording.run_bounds import (
     open_columns,
     plain_column,
@@ -178,6 +179,8 @@ def _trajectory_table(record: RunRecord, start: int, stop: int) -> pa.Table:
         "length": numeric_column(np.append(record.robot_length, traffic.length)[column]),
         "width": numeric_column(np.append(record.robot_width, traffic.width)[column]),
     }
+    if record.rogues:
+        columns["role"] = role_column(column, (ROBOT_NAME, *traffic.names), record.rogues)
     return pa.table(columns).replace_schema_metadata({_ROAD_KEY: road_to_json(road).encode()})
 
 
@@ -274,7 +277,7 @@ def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> Ru
     first = _vehicle_names(trajectories)
     require_room(len(time), len(first))
     names = tuple(first[1:])
-    body = np.zeros((len(first), 2))
+    body, rogues = np.zeros((len(first), 2)), dict[str, str]()
     traffic = TrafficTrack.empty(names, body[1:, 0], body[1:, 1], len(time))
     for group in range(trajectories.num_row_groups):
         rows = trajectories.read_row_group(group)
@@ -286,6 +289,7 @@ def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> Ru
         columns = {name: plain_column(rows, name) for name in ("length", "width", *_TRAFFIC_FLOATS, "lane")}
         require_finite(columns)
         body[car, 0], body[car, 1] = columns["length"], columns["width"]
+        rogues |= rogues_of(rows, car, first)
         others = car > 0
         place = (sample[others], car[others] - 1)
         traffic.present[place] = True
@@ -307,6 +311,7 @@ def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> Ru
         traffic=traffic,
         robot=RobotTrack(**{field.name: columns[field.name] for field in fields(RobotTrack)}),
         threats=ThreatTrack(**{field.name: columns[field.name] for field in fields(ThreatTrack)}),
+        rogues=rogues,
     )
 
 
