@@ -205,15 +205,15 @@ def test_sumo_that_stops_on_the_way_is_named_and_the_next_run_works(drive, monke
     steps, original = iter(range(10_000)), libsumo.simulationStep
 
     def stop_once(*arguments):
-        if next(steps) == 161:  # of which 150 are for settling
+        if next(steps) == 32:  # of which 30 are for settling
             raise error("the lane has gone")
         return original(*arguments)
 
     with monkeypatch.context() as patch:
         patch.setattr(libsumo, "simulationStep", stop_once)
         status, said = drive()
-    sentence = "interrupted" if error is KeyboardInterrupt else "error: SUMO failed at 0.20 s: the lane"
-    assert (status, sentence in said) == (130 if error is KeyboardInterrupt else 2, True)
+    sentence = "interrupted" if error is KeyboardInterrupt else "error: SUMO failed at 0.10 s: the lane"
+    assert (status, sentence in said) == (130 if error is KeyboardInterrupt else 2, True), said
     assert not (tmp_path / "run").exists()
     assert not libsumo.isLoaded()
     assert drive()[0] == 0
@@ -224,7 +224,7 @@ def test_sumo_that_loses_the_robot_is_named(drive, monkeypatch):
     steps, original = iter(range(10_000)), libsumo.simulationStep
 
     def lose_it(*arguments):
-        if next(steps) == 160:
+        if next(steps) == 32:
             libsumo.vehicle.remove("robot")
         return original(*arguments)
 

@@ -34,7 +34,7 @@ def test_an_intervention_is_a_car_in_k_or_a_control_that_is_another_by_1_percent
     decision = FilterDecision(Control(omega, acceleration), constraints=constraints)
     values = CarValues(np.array([7.5]), np.zeros((1, 5)), 7.5, 0)
     recorder.record(one_car(), values, Plan(IDLE, Target(0, 20.0)), Control(0.1, 1.0), decision, 0.0)
-    record = recorder.finish(StraightRoad(4), RobotSettings(), [f"car{number}" for number in range(4)], "duration")
+    record = recorder.finish(StraightRoad(4), RobotSettings(), [f"car{number}" for number in range(4)], "duration", {})
     assert record.robot.intervening[0] == intervening
 
 
@@ -46,5 +46,5 @@ def test_v_of_the_nearest_car_is_recorded_and_infinity_where_it_is_not_known(lea
     values = CarValues(np.array([least]), np.zeros((1, 5)), least, nearest)
     control = Control(0.0, 0.0)
     recorder.record(one_car(), values, Plan(IDLE, Target(0, 20.0)), control, FilterDecision(control), 0.0)
-    record = recorder.finish(StraightRoad(4), RobotSettings(), [f"car{number}" for number in range(4)], "duration")
+    record = recorder.finish(StraightRoad(4), RobotSettings(), [f"car{number}" for number in range(4)], "duration", {})
     assert (record.robot.value[0], record.robot.value_vehicle[0]) == (value, vehicle)
