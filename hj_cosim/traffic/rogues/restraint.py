@@ -87,7 +87,7 @@ def restrained(wanted: CarInput, observation: Observation, car: OwnCar, road: Ro
 def moved(state: np.ndarray, wanted: CarInput, limits: RogueLimits, step: float) -> tuple[np.ndarray, float]:
     """Return a rogue's state a step later, and its acceleration (m/s²) on the way.
 
-    It moves across as the game's other car does, dp_y = v sin θ_o, and along as SUMO's cars do, dp_x = v, half a percent
+    It moves across as the game's other car does, dp_y = v sin θ_o, and along as SUMO's do, dp_x = v, half a percent
     more than v cos θ_o at 0.1 rad. Its heading turns no faster than its limits say.
 
     Args:
