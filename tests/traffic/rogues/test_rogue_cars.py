@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rogue_scenes import SPEED, TRAFFIC_STEP, scene, touches
+from rogue_scenes import SPEED, STEP, TRAFFIC_STEP, coast, scene, touches
 
 from hj_cosim.errors import PluginError
 from hj_cosim.plugins import given
@@ -73,7 +73,7 @@ def test_a_rogue_turns_and_moves_as_the_games_other_car():
     assert state[2] == pytest.approx(0.03)
     assert state[3] == pytest.approx(20.4)
     assert acceleration == pytest.approx(4.0)
-    assert state[0] == pytest.approx(20.2 * 0.1 * np.cos(0.015))
+    assert state[0] == pytest.approx(20.2 * 0.1)
     assert state[1] == pytest.approx(2.02 * np.sin(0.015))
     standing, braking = moved(np.array([0.0, 0.0, 0.0, 0.3]), CarInput(0.0, -6.0), limits, 0.1)
     assert standing[3] == 0.0
@@ -111,6 +111,19 @@ def test_an_idle_rogue_follows_as_any_driver_does(drive, rogue):
     ordinary = drive([CarStart(lane=3, x=20.0, speed=SPEED, desired_speed=24.0), ahead], 12.0)
     assert as_rogue.of(0)["x"][-1] == pytest.approx(ordinary.of(0)["x"][-1], abs=1.0)
     assert as_rogue.of(0)["speed"][-1] == pytest.approx(ordinary.of(0)["speed"][-1], abs=0.3)
+
+
+def test_a_rogues_path_is_continuous_between_steps_and_where_it_begins(rogue):
+    with scene([rogue(Wild, 2, 30.0)], after=0.5) as world:
+        world.settle(0.0)
+        seen = []
+        for _ in range(100):
+            seen.append(world.observe())
+            world.step(coast(seen[-1].robot, 0.0), 0.0)
+    x, y, speed = (np.array([getattr(each, name)[0] for each in seen]) for name in ("x", "y", "speed"))
+    assert np.diff(x) == pytest.approx(0.5 * (speed[1:] + speed[:-1]) * STEP, abs=1e-6)
+    assert np.abs(np.diff(speed)).max() <= 4.0 * STEP + 1e-6
+    assert 0.0 < np.abs(np.diff(y)).max() <= speed.max() * np.sin(0.1) * STEP + 1e-9
 
 
 @pytest.mark.parametrize("settings", [{"within": 20.0}, {"after": 60.0}], ids=str)
