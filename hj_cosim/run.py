@@ -11,13 +11,15 @@ from pathlib import Path
 from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.cosim.configuration import resolve_config, stack_flags
 from hj_cosim.cosim.episode import Episode, Progress, run_in_sumo, write_episode
+from hj_cosim.cosim.repetition import Repetition, is_run_configuration, repetition
 from hj_cosim.files import file_name
 from hj_cosim.locations import given_path, runs_folder
 from hj_cosim.planning.contract import Planner
 from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
 from hj_cosim.reachability.table.store import load_table
 from hj_cosim.recording.run_folder import require_free_folder
-from hj_cosim.settings import EpisodeConfig, Scenario
+from hj_cosim.settings import EpisodeConfig, Scenario, read_toml
+from hj_cosim.traffic.sources.scenarios import scenario_path
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ def run_episode(
     planner: str | type | Planner | None = None,
     filter: str | type | SafetyFilter | None = None,
     scheme: str | None = None,
-    preset: str = "best",
+    preset: str | None = None,
     seed: int | None = None,
     duration: float | None = None,
     table: str | None = None,
@@ -60,12 +62,12 @@ def run_episode(
     """Drive one episode in SUMO; this is what `hj-cosim run` does.
 
     Args:
-        scenario: a name in sumo_net/, a path to a scenario TOML, or a Scenario.
+        scenario: a name in sumo_net/, a path to a scenario TOML, or a Scenario; or a run's config.toml, which repeats it.
         planner: hjop, op, idle, or one of one's own (planning/contract.py): `FILE.py:Class`, `package.module:Class`, a
             class, or an object of one, which is used as it is; hjop unless given.
         filter: spc, rss, none, or one of one's own (control/contract.py), likewise; spc unless given.
         scheme: mi or sw, of the filters spc and rss.
-        preset: best or paper.
+        preset: best (unless given) or paper; a run's config.toml has its own.
         seed: of the traffic; the scenario's unless given.
         duration: recorded time, s.
         table: a name in value_tables/ or a path to a specification; solved first if it has not been.
@@ -101,3 +103,22 @@ def run_episode(
 
         draw_run(folder, tell.drawing)
     return replace(episode, folder=folder)
+
+
+def repetition_of(scenario: str | Path | Scenario, episode: Episode) -> Repetition | None:
+    """Return how an episode compares with the run whose config.toml it was driven from.
+
+    Args:
+        scenario: what `run_episode` was given.
+        episode: what it returned, with a folder.
+
+    Returns:
+        None if it was given something else than a run's config.toml.
+
+    Raises:
+        RunFolderError: if one of the two lists of versions is broken.
+    """
+    if isinstance(scenario, Scenario) or episode.folder is None:
+        return None
+    path = scenario_path(str(scenario))
+    return repetition(path.parent, episode.folder) if is_run_configuration(read_toml(path)) else None

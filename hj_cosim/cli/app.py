@@ -33,7 +33,9 @@ table_app = typer.Typer(
 )
 app.add_typer(table_app, name="table")
 
-Scenario = Annotated[str, typer.Argument(help="A name in sumo_net/ or a path to a scenario TOML.")]
+Scenario = Annotated[
+    str, typer.Argument(help="A name in sumo_net/, a path to a scenario TOML, or a run's config.toml to repeat it.")
+]
 Specification = Annotated[str, typer.Argument(help="A name in value_tables/ or a path to a specification TOML.")]
 RunFolder = Annotated[Path, typer.Argument(metavar="DIR", help="The folder of a run.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]

@@ -1,6 +1,7 @@
 """Commands that drive an episode, or make something of one that was driven."""
 
 import logging
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,7 @@ from hj_cosim.cli.console import (
     results,
     show_files,
     show_place,
+    show_repetition,
     show_rows,
     summary_table,
 )
@@ -23,13 +25,18 @@ from hj_cosim.locations import runs_folder
 
 
 # Thirteen parameters: each is an option of the command line.
-@app.command(epilog=example("hj-cosim run dense --planner op --seed 3 --set planner.expansions=200"))
+@app.command(
+    epilog=example(
+        "hj-cosim run dense --planner op --seed 3 --set planner.expansions=200",
+        "hj-cosim run runs/paper-hjop-spc-mi-0/config.toml",
+    )
+)
 def run(
     scenario: Scenario = "paper",
     planner: Annotated[str | None, typer.Option(help="hjop, op, idle, or FILE.py:Class of your own.")] = None,
     filter: Annotated[str | None, typer.Option(help="spc, rss, none, or FILE.py:Class of your own.")] = None,
     scheme: Annotated[str | None, typer.Option(help="mi (minimally interventional) or sw (switching).")] = None,
-    preset: Annotated[str, typer.Option(help="best or paper.")] = "best",
+    preset: Annotated[str | None, typer.Option(help="best or paper; best.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the traffic; the scenario's, or 0.")] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds to record; 30 by default.")] = None,
     table: Annotated[str | None, typer.Option(help="A name in value_tables/ or a path to a specification.")] = None,
@@ -41,8 +48,8 @@ def run(
     verbose: Annotated[bool, typer.Option("--verbose", help="Print SUMO's warnings instead of counting them.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Drive one episode and write its folder."""
-    from hj_cosim.run import EpisodeProgress, new_run_folder, run_episode
+    """Drive one episode and write its folder; of a run's config.toml, repeat that run and say what is different."""
+    from hj_cosim.run import EpisodeProgress, new_run_folder, repetition_of, run_episode
 
     warnings = WarningCount()
     if not verbose:
@@ -67,10 +74,16 @@ def run(
                 announce=messages.print,
             ),
         )
+    repeated = repetition_of(scenario, episode)
     if as_json:
-        print_json({**episode.summary, **episode.timing, "folder": str(episode.folder)})
+        of_repetition = (
+            {} if repeated is None else {"repetition": {**asdict(repeated), "original": str(repeated.original)}}
+        )
+        print_json({**episode.summary, **episode.timing, "folder": str(episode.folder), **of_repetition})
     else:
         results.print(summary_table(episode.summary, episode.timing))
+        if repeated is not None:
+            show_repetition(repeated)
         if warnings.count:
             results.print(f"[dim]SUMO warned {warnings.count} times; --verbose shows of what[/dim]")
         show_place(episode.folder)

@@ -6,6 +6,7 @@ from typing import Any
 
 import tomli_w
 
+from hj_cosim.cosim.repetition import is_run_configuration, require_nothing_foreign
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import scenarios_folder
 from hj_cosim.plugins import FILTER, PLANNER, find_plugin, options_of, whole_reference
@@ -27,7 +28,7 @@ from hj_cosim.traffic.sources.scenarios import network_path, scenario_data, scen
 def resolve_config(
     scenario: str | Path | Scenario = "paper",
     *,
-    preset: str = "best",
+    preset: str | None = None,
     flags: Mapping[str, Any] | None = None,
     assignments: Sequence[str] = (),
 ) -> EpisodeConfig:
@@ -35,8 +36,9 @@ def resolve_config(
 
     Args:
         scenario: a name in sumo_net/, a path to a scenario TOML, or a Scenario; of the latter, what was left to its
-            default is the preset's.
-        preset: `best` or `paper`; a layer that names one (`--set preset=paper`) wins over it.
+            default is the preset's. A path to a run's config.toml is that run's whole configuration.
+        preset: `best`, which it is unless given, or `paper`; a layer that names one (`--set preset=paper`) wins over
+            it. A run's config.toml has its own.
         flags: nested values, as the command line's options give them; they win over the scenario.
         assignments: texts `KEY=VALUE`, as `--set` takes them; they win over everything, the last over the first.
 
@@ -45,7 +47,7 @@ def resolve_config(
         PluginError: if a planner or a filter of one's own cannot be imported.
         NetworkError, ScenarioError: if the road cannot be used, or the cars do not fit on it.
     """
-    if not isinstance(preset, str) or preset not in PRESETS:
+    if preset is not None and (not isinstance(preset, str) or preset not in PRESETS):
         raise ConfigurationError(f"no preset is called {shown(repr(preset))}; choose one of {', '.join(PRESETS)}")
     if not isinstance(assignments, list | tuple) or not all(isinstance(text, str) for text in assignments):
         raise ConfigurationError(f"settings = {shown(repr(assignments))} is no list of texts KEY=VALUE")
@@ -56,12 +58,13 @@ def resolve_config(
         if isinstance(named, str) and named in PRESETS:  # any other value is refused below, with its layer's name
             preset = named
     source, given, folder = _given_scenario(scenario)
-    # The drivers' defaults are laid out in full, so that a layer may name a distribution's deviation alone.
-    data: dict[str, Any] = {"preset": preset, "scenario": {"drivers": DriverSettings().model_dump()}}
-    data = overlay(data, PRESETS[preset])
-    data = overlay(data, {"scenario": given})
     # Each layer is checked before the next is laid over it, so that each is named for its own mistakes.
-    config = validate(EpisodeConfig, data, source, table="scenario")
+    if is_run_configuration(given):
+        data = _repeated(given, preset, layers, Path(source))
+        config = validate(EpisodeConfig, data, source)
+    else:
+        data = _lowest_layers(given, preset or "best")
+        config = validate(EpisodeConfig, data, source, table="scenario")
     data = overlay(data, {"scenario": {"network": {"file": _network_file(config, folder)}}})
     for source, layer in layers:
         data = overlay(data, layer)
@@ -69,6 +72,33 @@ def resolve_config(
     config = _with_plugins(config)
     _require_room(config)
     return config
+
+
+def _lowest_layers(scenario: Mapping[str, Any], preset: str) -> dict[str, Any]:
+    """Return what a preset and a scenario state, unchecked."""
+    # The drivers' defaults are laid out in full, so that a layer may name a distribution's deviation alone.
+    data: dict[str, Any] = {"preset": preset, "scenario": {"drivers": DriverSettings().model_dump()}}
+    return overlay(overlay(data, PRESETS[preset]), {"scenario": scenario})
+
+
+def _repeated(
+    recorded: Mapping[str, Any], preset: str | None, layers: Sequence[tuple[str, Mapping[str, Any]]], path: Path
+) -> dict[str, Any]:
+    """Return what a run's config.toml states, unchecked.
+
+    Raises:
+        ConfigurationError: if another preset is asked for than it was driven with, or it names what the user does not.
+    """
+    if preset not in (None, recorded["preset"]):
+        raise ConfigurationError(
+            f"{path} has preset = {shown(repr(recorded['preset']))}, and every setting as it was then; leave --preset"
+            " out, or run its scenario by name"
+        )
+    given: dict[str, Any] = {}
+    for _, layer in layers:
+        given = overlay(given, layer)
+    require_nothing_foreign(recorded, given, path)
+    return {key: value for key, value in recorded.items() if key != "name"}
 
 
 def _with_plugins(config: EpisodeConfig) -> EpisodeConfig:

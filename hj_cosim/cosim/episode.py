@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +24,11 @@ from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.contract import IDLE, Plan, Planner
 from hj_cosim.planning.guard import GuardedPlanner
 from hj_cosim.reachability.table.cars import car_values
-from hj_cosim.reachability.table.store import require_robot
+from hj_cosim.reachability.table.store import require_robot, specification_hash
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import COLLISION, DURATION, RunRecord
 from hj_cosim.recording.run_folder import Keep, write_run
+from hj_cosim.recording.versions import TABLE, program_versions
 from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target, is_possible
 from hj_cosim.settings import EpisodeConfig
 from hj_cosim.traffic.contract import World
@@ -47,6 +48,7 @@ class Episode:
     summary: Mapping[str, Any]
     drivers: np.ndarray  # (J, 6) the background drivers' IDM parameters, in the order of vehicles.idm
     timing: Mapping[str, float]  # what depends on the machine
+    versions: Mapping[str, str] = field(default_factory=dict)  # of what it was driven with, its value table among it
     folder: Path | None = None  # the run's folder, where it was written
 
 
@@ -184,7 +186,8 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
         driven = drive(world, planner, safety_filter, table, config, audit, progress)
     wall_seconds = time.perf_counter() - started
     summary = summarize(driven.record, config, audit.summary() | fallback_summary(driven.diagnostics))
-    return Episode(config, driven.record, summary, world.drivers, timing(summary, wall_seconds))
+    versions = {**program_versions(), TABLE: specification_hash(table.specification, table.game)}
+    return Episode(config, driven.record, summary, world.drivers, timing(summary, wall_seconds), versions)
 
 
 def fallback_summary(diagnostics: Mapping[str, float]) -> dict[str, float]:
@@ -212,4 +215,13 @@ def write_episode(episode: Episode, folder: Path, keep: Keep = "all") -> None:
     """
     require_declared(episode.summary)
     config_text = config_toml(episode.config)
-    write_run(folder, episode.record, config_text, episode.summary, episode.drivers, keep, episode.timing)
+    write_run(
+        folder,
+        episode.record,
+        config_text,
+        episode.summary,
+        episode.drivers,
+        keep,
+        episode.timing,
+        episode.versions,
+    )

@@ -30,6 +30,7 @@ from hj_cosim.recording.run_bounds import (
     require_times,
 )
 from hj_cosim.recording.summary_file import TIMING, read_summary, summary_text
+from hj_cosim.recording.versions import VERSIONS, versions_text
 from hj_cosim.scene.road import StraightRoad, road_from_json, road_to_json
 from hj_cosim.settings import EpisodeConfig, read_toml, validate
 from hj_cosim.vehicles.idm import PARAMETER_NAMES
@@ -40,7 +41,7 @@ ROBOT = "robot.parquet"
 SUMMARY = "summary.json"
 DRIVERS = "drivers.parquet"
 FIGURES = "figures"
-OWN_FILES = (CONFIG, TRAJECTORIES, ROBOT, SUMMARY, TIMING, DRIVERS, FIGURES)
+OWN_FILES = (CONFIG, TRAJECTORIES, ROBOT, SUMMARY, TIMING, VERSIONS, DRIVERS, FIGURES)
 
 Keep = Literal["all", "robot"]  # everything that a run folder holds, or all but the cars' trajectories
 
@@ -115,6 +116,7 @@ def write_run(
     drivers: np.ndarray | None = None,
     keep: Keep = "all",
     timing: Mapping[str, float] | None = None,
+    versions: Mapping[str, str] | None = None,
 ) -> None:
     """Write a run's folder, without its figures; all of it or nothing.
 
@@ -126,6 +128,7 @@ def write_run(
         drivers: (J, 6) IDM parameters of the cars, in the order of vehicles.idm; drivers.parquet unless None.
         keep: `all`, or everything but trajectories.parquet, which is nearly all of the size (`robot`).
         timing: as `metrics.summary.timing` returns it; timing.json unless None.
+        versions: of what it was driven with, as recording.versions has them; versions.json unless None.
 
     Raises:
         RunFolderError: if `folder` already holds something, or cannot be written.
@@ -140,6 +143,8 @@ def write_run(
         (temporary / SUMMARY).write_text(summary_text(summary), encoding="utf-8")
         if timing is not None:
             (temporary / TIMING).write_text(summary_text(timing), encoding="utf-8")
+        if versions is not None:
+            (temporary / VERSIONS).write_text(versions_text(versions), encoding="utf-8")
         (temporary / FIGURES).mkdir()
 
 
