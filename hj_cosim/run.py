@@ -62,7 +62,7 @@ def run_episode(
     """Drive one episode in SUMO; this is what `hj-cosim run` does.
 
     Args:
-        scenario: a name in sumo_net/, a path to a scenario TOML, or a Scenario; or a run's config.toml, which repeats it.
+        scenario: a name in sumo_net/, a path to a scenario TOML, or a Scenario; a run's config.toml repeats that run.
         planner: hjop, op, idle, or one of one's own (planning/contract.py): `FILE.py:Class`, `package.module:Class`, a
             class, or an object of one, which is used as it is; hjop unless given.
         filter: spc, rss, none, or one of one's own (control/contract.py), likewise; spc unless given.
