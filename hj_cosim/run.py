@@ -4,9 +4,10 @@ The loop that drives knows nothing of pictures; here the two meet.
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.cosim.configuration import resolve_config, stack_flags
@@ -45,7 +46,7 @@ def new_run_folder(config: EpisodeConfig) -> Path:
 
 # Twelve parameters: each is a keyword of the library's face, and all but the first have to be named.
 def run_episode(
-    scenario: str | Path | Scenario = "paper",
+    scenario: str | Path | Scenario | Mapping[str, Any] = "paper",
     *,
     planner: str | type | Planner | None = None,
     filter: str | type | SafetyFilter | None = None,
@@ -54,7 +55,7 @@ def run_episode(
     seed: int | None = None,
     duration: float | None = None,
     table: str | None = None,
-    settings: Sequence[str] = (),
+    settings: Sequence[str] | Mapping[str, Any] = (),
     out: Path | str | Callable[[EpisodeConfig], Path] | None = None,
     figures: bool = True,
     progress: Progress | EpisodeProgress | None = None,
@@ -62,7 +63,8 @@ def run_episode(
     """Drive one episode in SUMO; this is what `hj-cosim run` does.
 
     Args:
-        scenario: a name in sumo_net/, a path to a scenario TOML, or a Scenario; a run's config.toml repeats that run.
+        scenario: a name in sumo_net/, a path to a scenario TOML, a Scenario, or a dict like the content of such a TOML;
+            a run's config.toml repeats that run.
         planner: hjop, op, idle, or one of one's own (planning/contract.py): `FILE.py:Class`, `package.module:Class`, a
             class, or an object of one, which is used as it is; hjop unless given.
         filter: spc, rss, none, or one of one's own (control/contract.py), likewise; spc unless given.
@@ -71,7 +73,7 @@ def run_episode(
         seed: of the traffic; the scenario's unless given.
         duration: recorded time, s.
         table: a name in value_tables/ or a path to a specification; solved first if it has not been.
-        settings: any other knobs, as texts KEY=VALUE, for example `planner.gamma_r=0.8`.
+        settings: any other knobs, `{"planner.gamma_r": 0.8}`, or as texts `planner.gamma_r=0.8`.
         out: the run folder to write, or a function that names one, such as `new_run_folder`; nothing is written unless
             given.
         figures: whether a run folder's pictures are drawn, which takes longer than the drive.
@@ -105,7 +107,7 @@ def run_episode(
     return replace(episode, folder=folder)
 
 
-def repetition_of(scenario: str | Path | Scenario, episode: Episode) -> Repetition | None:
+def repetition_of(scenario: str | Path | Scenario | Mapping[str, Any], episode: Episode) -> Repetition | None:
     """Return how an episode compares with the run whose config.toml it was driven from.
 
     Args:
@@ -118,7 +120,7 @@ def repetition_of(scenario: str | Path | Scenario, episode: Episode) -> Repetiti
     Raises:
         RunFolderError: if one of the two lists of versions is broken.
     """
-    if isinstance(scenario, Scenario) or episode.folder is None:
+    if isinstance(scenario, Scenario | Mapping) or episode.folder is None:
         return None
     path = scenario_path(str(scenario))
     return repetition(path.parent, episode.folder) if is_run_configuration(read_toml(path)) else None

@@ -15,6 +15,7 @@ from hj_cosim.settings import (
     DriverSettings,
     EpisodeConfig,
     Scenario,
+    assignment_texts,
     overlay,
     parse_assignment,
     shown,
@@ -24,23 +25,27 @@ from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.sources.placement import initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path, scenario_data, scenario_path
 
+UNNAMED = "unnamed"  # what a scenario is called that was given as a mapping without a name
+
 
 def resolve_config(
-    scenario: str | Path | Scenario = "paper",
+    scenario: str | Path | Scenario | Mapping[str, Any] = "paper",
     *,
     preset: str | None = None,
     flags: Mapping[str, Any] | None = None,
-    assignments: Sequence[str] = (),
+    assignments: Sequence[str] | Mapping[str, Any] = (),
 ) -> EpisodeConfig:
     """Return the configuration of one episode.
 
     Args:
-        scenario: a name in sumo_net/, a path to a scenario TOML, or a Scenario; of the latter, what was left to its
-            default is the preset's. A path to a run's config.toml is that run's whole configuration.
+        scenario: a name in sumo_net/, a path to a scenario TOML, a Scenario, or a mapping such as a TOML's content; of
+            a Scenario, what was left to its default is the preset's. A path to a run's config.toml is that run's whole
+            configuration.
         preset: `best`, which it is unless given, or `paper`; a layer that names one (`--set preset=paper`) wins over
             it. A run's config.toml has its own.
         flags: nested values, as the command line's options give them; they win over the scenario.
-        assignments: texts `KEY=VALUE`, as `--set` takes them; they win over everything, the last over the first.
+        assignments: texts `KEY=VALUE`, as `--set` takes them, or a mapping; they win over everything, the last over the
+            first.
 
     Raises:
         ConfigurationError: if anything is unknown, of the wrong type, or out of range.
@@ -49,10 +54,8 @@ def resolve_config(
     """
     if preset is not None and (not isinstance(preset, str) or preset not in PRESETS):
         raise ConfigurationError(f"no preset is called {shown(repr(preset))}; choose one of {', '.join(PRESETS)}")
-    if not isinstance(assignments, list | tuple) or not all(isinstance(text, str) for text in assignments):
-        raise ConfigurationError(f"settings = {shown(repr(assignments))} is no list of texts KEY=VALUE")
     layers = [("the command line", flags or {})]
-    layers += [(f"--set {shown(assignment)}", parse_assignment(assignment)) for assignment in assignments]
+    layers += [(f"--set {shown(text)}", parse_assignment(text)) for text in assignment_texts(assignments)]
     for _, layer in layers:
         named = layer.get("preset")
         if isinstance(named, str) and named in PRESETS:  # any other value is refused below, with its layer's name
@@ -148,7 +151,7 @@ def stack_flags(
     return given | {key: value for key, value in top.items() if value is not None}
 
 
-def _given_scenario(scenario: str | Path | Scenario) -> tuple[str, dict[str, Any], Path | None]:
+def _given_scenario(scenario: str | Path | Scenario | Mapping[str, Any]) -> tuple[str, dict[str, Any], Path | None]:
     """Return how a scenario is called in messages, what it states, and the folder of its file, if it has one.
 
     Raises:
@@ -156,9 +159,12 @@ def _given_scenario(scenario: str | Path | Scenario) -> tuple[str, dict[str, Any
     """
     if isinstance(scenario, Scenario):
         return f"the Scenario {shown(repr(scenario.name))}", scenario.model_dump(exclude_unset=True), None
+    if isinstance(scenario, Mapping):
+        return "the scenario", {"name": UNNAMED, **scenario}, None
     if not isinstance(scenario, str | Path):
         raise ConfigurationError(
-            f"a scenario is a name in sumo_net/, a path to a TOML file or a Scenario, not a {type(scenario).__name__}"
+            "a scenario is a name in sumo_net/, a path to a TOML file, a Scenario or a dict of its settings, not a"
+            f" {type(scenario).__name__}"
         )
     path = scenario_path(str(scenario))
     return str(path), scenario_data(str(scenario)), path.parent

@@ -26,8 +26,10 @@ from hj_cosim.planning.guard import GuardedPlanner
 from hj_cosim.reachability.table.cars import car_values
 from hj_cosim.reachability.table.store import require_robot, specification_hash
 from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.recording.frames import RunFrames
 from hj_cosim.recording.record import COLLISION, DURATION, RunRecord
 from hj_cosim.recording.run_folder import Keep, write_run
+from hj_cosim.recording.summary_file import summary_html, summary_sentence
 from hj_cosim.recording.versions import TABLE, program_versions
 from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target, is_possible
 from hj_cosim.settings import EpisodeConfig
@@ -39,9 +41,9 @@ from hj_cosim.verification.promise_audit import PromiseAudit
 Progress = Callable[[int, int], None]  # samples driven, samples in all
 
 
-@dataclass(frozen=True)
-class Episode:
-    """An episode that has been driven."""
+@dataclass(frozen=True, repr=False)
+class Episode(RunFrames):
+    """An episode that has been driven; its arrays as DataFrames in `robot` and `trajectories`."""
 
     config: EpisodeConfig
     record: RunRecord
@@ -50,6 +52,13 @@ class Episode:
     timing: Mapping[str, float]  # what depends on the machine
     versions: Mapping[str, str] = field(default_factory=dict)  # of what it was driven with, its value table among it
     folder: Path | None = None  # the run's folder, where it was written
+
+    def __repr__(self) -> str:
+        place = "" if self.folder is None else f", in {self.folder}"
+        return f"Episode of {summary_sentence(self.summary)}{place}"
+
+    def _repr_html_(self) -> str:
+        return summary_html(self.summary)
 
 
 @dataclass(frozen=True)

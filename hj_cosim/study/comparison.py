@@ -17,6 +17,7 @@ from hj_cosim.locations import given_path
 from hj_cosim.metrics.catalogue import METRICS
 from hj_cosim.recording.run_folder import ROBOT, SUMMARY, read_config
 from hj_cosim.recording.study_files import EPISODES
+from hj_cosim.settings import flattened
 from hj_cosim.study.results import read_result
 from hj_cosim.study.statistics import Estimate, RowStatistics
 
@@ -160,20 +161,12 @@ def differing_settings(group: Group) -> list[tuple[str, list[str]]]:
     Raises:
         RunFolderError: if a configuration cannot be read.
     """
-    flat = [dict(_flattened(read_config(side.first_run))) for side in group.sides]
+    flat = [dict(flattened(read_config(side.first_run))) for side in group.sides]
     names = dict.fromkeys(name for own in flat for name in own)
     if any(len(side.runs) > 1 for side in group.sides):
         names.pop("seed", None)
     differing = [name for name in names if len({str(own.get(name)) for own in flat}) > 1]
     return [(name, [str(own.get(name, "–")) for own in flat]) for name in differing[:_MOST_SETTINGS]]
-
-
-def _flattened(settings: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in settings.items():
-        if isinstance(value, Mapping):
-            yield from _flattened(value, f"{above}{name}.")
-        else:
-            yield f"{above}{name}", value
 
 
 def shown_runs(groups: Sequence[Group]) -> dict[str, Path]:
