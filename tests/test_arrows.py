@@ -24,7 +24,7 @@ FLOORS = (
     ("analysis", "verification", "testing"),
     ("cosim",),
     ("study", "run"),
-    ("cli",),
+    ("cli", "examples"),
     ("__main__",),
 )
 # Lower down, and still walled off: the loop stands on recording, not on drawing.
