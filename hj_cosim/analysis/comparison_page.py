@@ -1,6 +1,5 @@
 """The page about runs and studies side by side: metrics, settings that differ, time lines, and replays in step."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -10,7 +9,7 @@ import pandas as pd
 from hj_cosim.analysis.figures.gallery import table_of
 from hj_cosim.analysis.figures.side_by_side import LOOKS
 from hj_cosim.analysis.figures.style import Drawing
-from hj_cosim.analysis.html import figure, html_table, in_script, label, page, resource, value_text
+from hj_cosim.analysis.html import figure, html_table, label, page, replay_parts, resource, value_text
 from hj_cosim.analysis.plan_path import tracking_of
 from hj_cosim.analysis.replay_data import replay_data
 from hj_cosim.metrics.catalogue import METRICS
@@ -57,7 +56,7 @@ def _row(row: ComparedRows) -> Iterator[str]:
     if row.settings:
         names = list(dict.fromkeys(row.table["side"]))
         yield "<h3>Settings that differ</h3>"
-        yield html_table(["setting", *names], ([name, *values] for name, values in row.settings))
+        yield html_table(["setting", *names], ([name, *values] for name, values in row.settings), "settings")
     first = row.table["side"].iloc[0]
     yield (
         f"<p class='note'>Differences are each side's less {escape(first)}; in brackets 95 % bootstrap intervals over"
@@ -81,7 +80,7 @@ def metric_table(table: pd.DataFrame, metrics: Sequence[str]) -> str:
             cell = cells.get((side, metric))
             line += [_estimate(cell, "value"), _estimate(cell, "difference")]
         lines.append(line)
-    return html_table(head, lines)
+    return html_table(head, lines, "metrics side by side")
 
 
 def _estimate(cell: Mapping[str, object] | None, name: str) -> str:
@@ -106,11 +105,7 @@ def _replays(runs: Mapping[str, Run], tables: Mapping[str, ValueTable]) -> Itera
         data = replay_data(run.record, tables.get(name) or table_of(run), tracking_of(run))
         document = page(
             name,
-            [
-                resource("replay.html"),
-                f'<script type="application/json" id="run">{in_script(json.dumps(data, allow_nan=False))}</script>',
-                f"<script>{resource('replay.js')}</script>",
-            ],
+            replay_parts(data),
             "embedded",
         )
         yield (

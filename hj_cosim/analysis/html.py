@@ -1,6 +1,7 @@
 """Pieces of the pages: everything that comes from a run is escaped, and a page may load nothing from anywhere."""
 
 import base64
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
@@ -85,8 +86,40 @@ def shown(value: Any) -> str:
     return "–" if value is None else str(value)
 
 
-def html_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table of plain texts as HTML."""
-    header = "".join(f"<th>{escape(name)}</th>" for name in head)
-    lines = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
-    return f'<div class="wide"><table><thead><tr>{header}</tr></thead><tbody>{lines}</tbody></table></div>'
+def replay_parts(data: Mapping[str, Any]) -> list[str]:
+    """Return the replay of a run as parts of a page.
+
+    Args:
+        data: as `replay_data.replay_data` returns it.
+    """
+    return [
+        resource("replay.html"),
+        f'<script type="application/json" id="run">{in_script(json.dumps(data, allow_nan=False))}</script>',
+        f"<script>{resource('replay.js')}</script>",
+    ]
+
+
+def table_region(
+    head: Sequence[str], rows: Iterable[Sequence[str]], name: str, keys: Sequence[str] = (), kind: str = ""
+) -> str:
+    """Return a table that scrolls sideways by itself, under a first column that stays, also by keyboard.
+
+    Args:
+        head: HTML of the headings.
+        rows: HTML of the cells.
+        name: what it is, for who cannot see it.
+        keys: of the columns, for scripts.
+        kind: a class for the style sheet.
+    """
+    marks = [f' data-key="{escape(key)}"' for key in keys] or [""] * len(head)
+    header = "".join(f'<th scope="col"{mark}>{text}</th>' for text, mark in zip(head, marks, strict=True))
+    lines = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
+    return (
+        f'<div class="wide {kind}" role="region" tabindex="0" aria-label="{escape(name)}"><table>'
+        f"<thead><tr>{header}</tr></thead><tbody>{lines}</tbody></table></div>"
+    )
+
+
+def html_table(head: Sequence[str], rows: Iterable[Sequence[str]], name: str) -> str:
+    """Return a table of plain texts as HTML; `name` says what it is to who cannot see it."""
+    return table_region([escape(text) for text in head], [[escape(cell) for cell in row] for row in rows], name)

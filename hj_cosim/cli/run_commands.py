@@ -148,6 +148,9 @@ def replay(
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of a run or a study.")],
     out: Annotated[Path | None, typer.Option(help="The HTML file; report.html in the folder by default.")] = None,
+    replays: Annotated[
+        bool, typer.Option("--replays/--no-replays", help="Of a study: a replay in the folder of every episode.")
+    ] = True,
     as_json: Json = False,
 ) -> None:
     """Write one self-contained HTML page about a run, with an interactive replay, or about a study."""
@@ -155,7 +158,7 @@ def report(
     from hj_cosim.recording.study_files import STUDY, study_progress
 
     with progress_bars() as bars:
-        written = write_report(folder, out, progress=bar(bars, "drawing figures"))
+        written = write_report(folder, out, progress=bar(bars, "drawing"), replays=replays)
     show_files([written], as_json)
     if (folder / STUDY).is_file() and (progress := study_progress(folder)).is_unfinished:
         messages.print(
