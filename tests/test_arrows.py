@@ -23,7 +23,7 @@ FLOORS = (
     ("traffic", "planning", "control"),
     ("analysis", "verification", "testing"),
     ("cosim",),
-    ("study", "run"),
+    ("study", "run", "training"),
     ("cli", "examples"),
     ("__main__",),
 )

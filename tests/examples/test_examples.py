@@ -66,3 +66,13 @@ def test_examples_are_listed_and_printed_by_name(call):
 @pytest.mark.parametrize("name", sorted(NAMES))
 def test_an_example_is_short_enough_to_be_read(name):
     assert len(files("hj_cosim.examples").joinpath(f"{name}.py").read_text().splitlines()) <= 110
+
+
+def test_a_policy_is_trained_with_and_without_the_filter(small_specification, small_table, capsys):
+    pytest.importorskip("gymnasium")
+    from hj_cosim.examples import train_with_filter
+
+    train_with_filter.main(generations=1, population=2, duration=0.4, table=str(small_specification))
+    without, with_filter = capsys.readouterr().out.splitlines()
+    assert without.startswith("without a filter: 0 of 2 episodes crashed, mean reward at the end ")
+    assert with_filter.startswith("with the filter: 0 of 2")
