@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN_ARGS ?=
 
-.PHONY: help run test test-cluster test-oldest coverage licences golden lint bench pictures clean
+.PHONY: help run test test-cluster test-oldest coverage licences golden lint bench pictures networks clean
 .DEFAULT_GOAL := help
 
 help:
@@ -13,6 +13,7 @@ help:
 	@echo "make test-oldest  the tests with the oldest dependencies that pyproject.toml allows, in .venv-oldest"
 	@echo "make coverage  the tests, and which lines of the package they run; fails below 90 %"
 	@echo "make licences  what the dependencies are licensed under"
+	@echo "make networks  make the networks of sumo_net/ anew from their plain XML, with netconvert"
 	@echo "make golden renew the numbers that the tests hold runs to; a new line in CHANGELOG.md has to say why"
 	@echo "make lint   ruff and mypy"
 	@echo "make bench  the benchmarks, measured against the peers in the same run"
@@ -73,6 +74,18 @@ pictures: .venv/.run-ready
 	$(BIN)/hj-cosim figure planner-comparison --out runs/pictures/planner-comparison.png
 	rm -rf runs/pictures/run runs/pictures/short
 
+# Networks from the plain XML in sumo_net/plain/. netconvert writes the day and its options ahead; that is cut off.
+NETWORKS := $(patsubst sumo_net/plain/%.nod.xml,%,$(wildcard sumo_net/plain/*.nod.xml))
+networks: .venv/.networks-ready
+	@for name in $(NETWORKS); do \
+	  plain=sumo_net/plain/$$name; connections=; \
+	  test -f $$plain.con.xml && connections="--connection-files $$plain.con.xml"; \
+	  $(BIN)/netconvert --node-files $$plain.nod.xml --edge-files $$plain.edg.xml $$connections \
+	    --offset.disable-normalization true --no-turnarounds true --xml-validation never \
+	    --output-file sumo_net/$$name.net.xml && \
+	  sed -i.bak '/^<!-- generated on/,/^-->/d' sumo_net/$$name.net.xml && rm sumo_net/$$name.net.xml.bak || exit 1; \
+	done
+
 clean:
 	rm -rf .venv .venv-oldest .pytest_cache .mypy_cache .ruff_cache
 	find hj_cosim tests -name __pycache__ -type d -prune -exec rm -rf {} +
@@ -98,6 +111,10 @@ endef
 
 .venv/.test-ready: pyproject.toml constraints.txt .venv/.uv-ready
 	$(call install,.[test])
+	@touch .venv/.run-ready
+
+.venv/.networks-ready: pyproject.toml constraints.txt .venv/.uv-ready
+	$(call install,.[networks])
 	@touch .venv/.run-ready
 
 .venv/.bench-ready: pyproject.toml constraints.txt .venv/.uv-ready

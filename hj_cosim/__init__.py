@@ -1,13 +1,14 @@
 """A robot car that plans and controls with one Hamilton-Jacobi value function, co-simulated with SUMO traffic.
 
 The names below are the library's face; each is imported when it is first used, so that `import hj_cosim` and
-`hj-cosim --help` cost nothing.
+`hj-cosim --help` cost nothing. Nothing at all is imported here, for the command line answers Ctrl-C from its first own
+line on.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # what type checkers take for true
 if TYPE_CHECKING:
+    from typing import Any
+
     from hj_cosim.reachability.table.store import load_table, solve_table
     from hj_cosim.recording.run_folder import read_run
     from hj_cosim.run import run_episode
@@ -28,7 +29,9 @@ _HOMES = {
 }
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     if name not in _HOMES:
         raise AttributeError(f"module 'hj_cosim' has no attribute {name!r}")
+    from importlib import import_module
+
     return getattr(import_module(_HOMES[name]), name)

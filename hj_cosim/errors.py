@@ -10,7 +10,7 @@ class ConfigurationError(HjCosimError):
 
 
 class NetworkError(HjCosimError):
-    """A SUMO network is missing, malformed, or has no straight road that can be used."""
+    """A SUMO network is missing, malformed, or its edges are no road that can be driven on."""
 
 
 class ScenarioError(HjCosimError):

@@ -2,6 +2,7 @@
 
 import errno
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import platformdirs
@@ -66,6 +67,52 @@ def given_path(place: object, what: str) -> Path:
         if error.errno == errno.ENAMETOOLONG:
             raise ConfigurationError(f"{what}: {_beginning(str(path))} is too long a name for a file") from error
     return path
+
+
+def whole_path(text: str, what: str) -> str:
+    """Return a path as it is meant in every folder: absolute, without `..`, links or `~` in it.
+
+    Args:
+        text: the path.
+        what: it is the path of, for the message.
+
+    Raises:
+        ConfigurationError: if it is no path that a file can have.
+    """
+    try:
+        return str(Path(text).expanduser().resolve())
+    except (OSError, RuntimeError, ValueError) as error:  # too long, of an unknown user, with a null byte
+        raise ConfigurationError(f"{what} {_beginning(repr(text))}: no file has such a path") from error
+
+
+def whole_name(name: str, what: str) -> str:
+    """Return what means the same in every folder: a name as it is, and as a whole path one to a file that users write.
+
+    Such files are TOML files, tables and SUMO's configurations.
+
+    Raises:
+        ConfigurationError: as whole_path.
+    """
+    return whole_path(name, what) if name.endswith((".toml", ".npz", ".sumocfg")) else name
+
+
+# Where Python files of users' own are read that another machine sent along, by their places there.
+_copies: dict[Path, Path] = {}
+
+
+def code_file(path: Path) -> Path:
+    """Return where a Python file of a user's own is read: at its place, or where a copy of it came with the work."""
+    return _copies.get(path, path)
+
+
+def read_code_from(copies: Mapping[Path, Path]) -> None:
+    """Have Python files of users' own read from copies; all others, from now on, at their places.
+
+    Args:
+        copies: where each one is read, by its place on the machine that sent it.
+    """
+    _copies.clear()
+    _copies.update(copies)
 
 
 def _beginning(text: str) -> str:

@@ -29,6 +29,7 @@ from types import ModuleType
 from typing import Any
 
 from hj_cosim.errors import ConfigurationError, HjCosimError, PluginError
+from hj_cosim.locations import code_file, whole_path
 from hj_cosim.settings import Settings, shown, validate
 
 # s; an answer that took longer ends the episode. What has to be compiled can be so in `prepare`, which may take longer.
@@ -89,10 +90,7 @@ def whole_reference(kind: PluginKind, reference: str) -> str:
     place, separator, name = reference.rpartition(":")
     if not place.endswith(".py"):
         return reference
-    try:
-        return f"{Path(place).expanduser().resolve()}{separator}{name}"
-    except (OSError, RuntimeError, ValueError) as error:  # too long, of an unknown user, with a null byte
-        raise ConfigurationError(f"{kind.noun}.kind = {shown(repr(reference))}: no file has such a path") from error
+    return f"{whole_path(place, f'{kind.noun}.kind =')}{separator}{name}"
 
 
 def given(kind: PluginKind, plugin: object) -> str:
@@ -125,7 +123,8 @@ def find_plugin(kind: PluginKind, reference: str) -> object:
         return _with_method(kind, _given[kind.noun, reference], asked)
     place, separator, name = reference.rpartition(":")
     if not separator:
-        known = known_names(kind)
+        # Packages are asked only for what is not ours: to find all of them takes as long as a second of a drive.
+        known = kind.ours if reference in kind.ours else known_names(kind)
         if reference not in known:
             raise ConfigurationError(
                 f"{asked}: no {kind.noun} is called so; choose one of {', '.join(known)},"
@@ -133,7 +132,7 @@ def find_plugin(kind: PluginKind, reference: str) -> object:
             )
         place, _, name = known[reference].rpartition(":")
     if place.endswith(".py"):
-        module = _file_module(Path(place), asked)
+        module = _file_module(code_file(Path(place)), asked)
     else:
         module = _named_module(place, asked)
     found: object = module
@@ -168,7 +167,7 @@ def _named_module(name: str, asked: str) -> ModuleType:
             missing = f"{asked}: there is no module {error.name!r}; is its package installed?"
             raise ConfigurationError(missing) from error
         raise _not_imported(name, asked, error) from error
-    except (Exception, SystemExit) as error:
+    except (Exception, SystemExit) as error:  # a stranger's code may raise anything
         raise _not_imported(name, asked, error) from error
 
 
@@ -194,7 +193,7 @@ def _file_module(path: Path, asked: str) -> ModuleType:
     sys.modules[name] = module  # dataclasses, pickle and Numba's cache look a module up by its name
     try:
         specification.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
+    except (Exception, SystemExit) as error:  # a stranger's code may raise anything
         del sys.modules[name]
         raise _not_imported(str(path), asked, error) from error
     return module
@@ -277,12 +276,16 @@ def construct(kind: PluginKind, plugin: object, offered: Mapping[str, object]) -
         return plugin(**handed)
     except HjCosimError:
         raise
-    except Exception as error:
+    except Exception as error:  # a stranger's code may raise anything
         raise failure(plugin, "__init__", error) from error
 
 
 def failure(plugin: object, method: str, error: Exception) -> PluginError:
-    """Return what to raise where a plug-in's method raised: one sentence with the file and line where it did."""
+    """Return what to raise where a plug-in's method raised: one sentence with the file and line where it did.
+
+    Whoever calls a plug-in catches whatever it raises, for a run that goes on to a sentence or, in a study, to the next
+    episode; it is raised again as this, from the error itself, so that nothing is lost.
+    """
     plugin_class = plugin if isinstance(plugin, type) else type(plugin)
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if frame.filename == _file_of(plugin_class)] or frames

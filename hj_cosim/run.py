@@ -19,8 +19,8 @@ from hj_cosim.planning.contract import Planner
 from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
 from hj_cosim.reachability.table.store import load_table
 from hj_cosim.recording.run_folder import require_free_folder
-from hj_cosim.settings import EpisodeConfig, Scenario, read_toml
-from hj_cosim.traffic.sources.scenarios import scenario_path
+from hj_cosim.settings import EpisodeConfig, Scenario, overlay
+from hj_cosim.traffic.sources.scenarios import scenario_data, scenario_path
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,11 @@ def new_run_folder(config: EpisodeConfig) -> Path:
     return next(folder for folder in folders if not folder.exists())
 
 
-# Twelve parameters: each is a keyword of the library's face, and all but the first have to be named.
+def _given(**values: object) -> dict[str, object]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+# Fourteen parameters: each is a keyword of the library's face, and all but the first have to be named.
 def run_episode(
     scenario: str | Path | Scenario | Mapping[str, Any] = "paper",
     *,
@@ -55,6 +59,8 @@ def run_episode(
     seed: int | None = None,
     duration: float | None = None,
     table: str | None = None,
+    ego: str | None = None,
+    begin: float | None = None,
     settings: Sequence[str] | Mapping[str, Any] = (),
     out: Path | str | Callable[[EpisodeConfig], Path] | None = None,
     figures: bool = True,
@@ -63,8 +69,8 @@ def run_episode(
     """Drive one episode in SUMO; this is what `hj-cosim run` does.
 
     Args:
-        scenario: a name in sumo_net/, a path to a scenario TOML, a Scenario, or a dict like the content of such a TOML;
-            a run's config.toml repeats that run.
+        scenario: a name in sumo_net/, a path to a scenario TOML or to a SUMO configuration (.sumocfg), a Scenario, or a
+            dict like the content of a scenario TOML; a run's config.toml repeats that run.
         planner: hjop, op, idle, or one of one's own (planning/contract.py): `FILE.py:Class`, `package.module:Class`, a
             class, or an object of one, which is used as it is; hjop unless given.
         filter: spc, rss, none, or one of one's own (control/contract.py), likewise; spc unless given.
@@ -73,6 +79,8 @@ def run_episode(
         seed: of the traffic; the scenario's unless given.
         duration: recorded time, s.
         table: a name in value_tables/ or a path to a specification; solved first if it has not been.
+        ego: of a .sumocfg, the vehicle that the robot takes over; one with a long way ahead unless given.
+        begin: of a .sumocfg, when the robot takes over, s; after 300 s of warm-up unless given.
         settings: any other knobs, `{"planner.gamma_r": 0.8}`, or as texts `planner.gamma_r=0.8`.
         out: the run folder to write, or a function that names one, such as `new_run_folder`; nothing is written unless
             given.
@@ -89,13 +97,15 @@ def run_episode(
     planner = planner if planner is None or isinstance(planner, str) else given(PLANNER, planner)
     filter = filter if filter is None or isinstance(filter, str) else given(FILTER, filter)
     flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
+    if ego is not None or begin is not None:
+        flags = overlay(flags, {"scenario": {"own": _given(ego=ego, begin=begin)}})
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
     tell = progress if isinstance(progress, EpisodeProgress) else EpisodeProgress(progress)
     folder = out(config) if callable(out) else None if out is None else given_path(out, "out")
     if folder is not None:
         require_free_folder(folder)
     value_table = load_table(config.table, tell.solving, robot=config.robot, announce=tell.announce)
-    episode = run_in_sumo(config, value_table, tell.driving)
+    episode = run_in_sumo(config, value_table, tell.driving, tell.announce)
     if folder is None:
         return episode
     write_episode(episode, folder)
@@ -122,5 +132,6 @@ def repetition_of(scenario: str | Path | Scenario | Mapping[str, Any], episode: 
     """
     if isinstance(scenario, Scenario | Mapping) or episode.folder is None:
         return None
-    path = scenario_path(str(scenario))
-    return repetition(path.parent, episode.folder) if is_run_configuration(read_toml(path)) else None
+    if not is_run_configuration(scenario_data(str(scenario))):
+        return None
+    return repetition(scenario_path(str(scenario)).parent, episode.folder)

@@ -70,10 +70,10 @@ def a_solve(folder: Path, specification: Path) -> Victim:
 
 
 def a_study(folder: Path, specification: Path) -> Victim:
-    """Return three short episodes, driven by two workers."""
+    """Return two short episodes of each of two stacks, driven by two workers."""
     scenario = _scenario(folder)
     knobs = ("--set", "simulation.duration=1", "--set", f"table={specification}")
-    size = ("--stack", "op-none", "--episodes", "3", "--workers", "2")
+    size = ("--stack", "op-none", "--stack", "hjop-spc-mi", "--episodes", "2", "--workers", "2")
     return _victim("study", folder, folder / "study", ("study", str(scenario), *knobs, *size))
 
 

@@ -127,7 +127,7 @@ SPECIFICATIONS = {
     ("horizon = 3.0", "horizon = 3.0\nmargin = -1.0"): "greater than or equal to 0",
     ("horizon = 3.0", "horizon = 3.0\nrunge_kutta = 4"): "1, 2 or 3",
     ("[parameters]", "[parameters]\nfriction = 1.0"): "friction",
-    ("horizon = 3.0", "horizon = 3.0\ncapped_by_manoeuvres = 'yes please'"): "capped_by_manoeuvres",
+    ("capped_by_manoeuvres = true", "capped_by_manoeuvres = 'yes please'"): "capped_by_manoeuvres",
 }
 
 # Each case: arguments, and what the answer must name. FILE is a file, EMPTY an empty folder, FULL one with a file,

@@ -22,6 +22,17 @@ def test_path_to_nowhere_is_named():
         locations.find_toml("nowhere/x.toml", locations.scenarios_folder(), "scenario")
 
 
+def test_a_path_is_whole_and_a_name_stays_one(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "link").symlink_to(tmp_path)
+    for given in ("mine.toml", "./mine.toml", "link/mine.toml", f"../{tmp_path.name}/mine.toml"):
+        assert locations.whole_name(given, "table =") == str(tmp_path / "mine.toml")
+    assert locations.whole_name("mine.npz", "table =") == str(tmp_path / "mine.npz")
+    assert locations.whole_name("highway", "table =") == "highway"
+    with pytest.raises(ConfigurationError, match=r"table = '~unheard-of/x\.toml': no file has such a path"):
+        locations.whole_name("~unheard-of/x.toml", "table =")
+
+
 def test_outside_a_clone_runs_go_to_the_current_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert locations.runs_folder() == tmp_path / "runs"

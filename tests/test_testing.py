@@ -59,6 +59,11 @@ class BesideTheRoad:
         return Plan(0, Target(previous.lane + 4, 20.0))
 
 
+class OneTooFar:
+    def plan(self, observation, previous):
+        return Plan(0, Target(4, 20.0))
+
+
 class NotANumber:
     def plan(self, observation, previous):
         return Plan(0, Target(previous.lane, math.nan))
@@ -80,6 +85,7 @@ class FailsAlone:
         (Changing, "the same scenes were planned for differently"),
         (Writing, "plan wrote to Observation.x"),
         (BesideTheRoad, r"returned a target in lane \d; the road has the lanes 0 to 3"),
+        (OneTooFar, "returned a target in lane 4; the road has the lanes 0 to 3"),
         (NotANumber, "returned a target speed of nan"),
         (Nothing, "returned None, which is no Plan"),
         (FailsAlone, r"test_testing.py:\d+: FailsAlone.plan raised IndexError.*; asked with 0 cars around"),

@@ -17,6 +17,7 @@ from hj_cosim.analysis.figures.road_view import body_corners
 from hj_cosim.analysis.figures.value_plot import value_colours
 from hj_cosim.analysis.plan_path import plan_path, tracking_of
 from hj_cosim.analysis.values import car_values
+from hj_cosim.analysis.view import View, height_of, stretches
 from hj_cosim.errors import OutputError
 from hj_cosim.files import whole_file
 from hj_cosim.reachability.table.table import ValueTable
@@ -27,6 +28,7 @@ BEHIND, AHEAD = 50.0, 100.0  # m in view
 WIDTH = 900  # pixels
 HEADER, STRIP, MARGIN = 24, 64, 10  # pixels
 OVERSAMPLING = 2  # drawn this much larger, then averaged, for smooth edges
+LOOKED_AT_EVERY = 50  # samples
 FLASH = 10  # samples around an intervention that are marked
 PALE_INTERVENTION = "#F8F3B8"
 VALUE_RANGE = (-10.0, 30.0)  # m, of the value's strip
@@ -82,7 +84,9 @@ class FrameArtist:
         record = run.record
         self._values = car_values(record, table)
         self._pixels_per_metre = WIDTH * OVERSAMPLING / (BEHIND + AHEAD)
-        self._road_height = round((np.ptp(record.road.lane_lines(0.0)) + 2.0) * self._pixels_per_metre)
+        # A bend is looked at now and then, often enough to hold it all: it does not change much within a second.
+        self._height = height_of(record.road, record.robot.x[::LOOKED_AT_EVERY], BEHIND, AHEAD)
+        self._road_height = round((self._height[1] - self._height[0] + 2.0) * self._pixels_per_metre)
         self._strip_top = HEADER * OVERSAMPLING + self._road_height + MARGIN * OVERSAMPLING
         height = self._strip_top + 2 * (STRIP + MARGIN) * OVERSAMPLING + 14 * OVERSAMPLING
         self._size = (WIDTH * OVERSAMPLING, 2 * (height // 2) + height % 2)
@@ -113,9 +117,10 @@ class FrameArtist:
     def _to_pixels(self, points: np.ndarray, sample: int) -> np.ndarray:
         """Return pixels (..., 2) of road coordinates (..., 2), the robot at its fixed place."""
         robot, road = self._run.record.robot, self._run.record.road
-        top = road.lane_lines(robot.x[sample])[-1] + 1.0
-        x = (points[..., 0] - robot.x[sample] + BEHIND) * self._pixels_per_metre
-        y = (top - points[..., 1]) * self._pixels_per_metre + HEADER * OVERSAMPLING
+        top = self._height[1] + 1.0
+        shown = View(road, float(robot.x[sample])).points(points)
+        x = (shown[..., 0] - robot.x[sample] + BEHIND) * self._pixels_per_metre
+        y = (top - shown[..., 1]) * self._pixels_per_metre + HEADER * OVERSAMPLING
         return np.stack([x, y], axis=-1)
 
     def _draw_header(self, draw: ImageDraw.ImageDraw, sample: int) -> None:
@@ -134,12 +139,19 @@ class FrameArtist:
     def _draw_lanes(self, draw: ImageDraw.ImageDraw, sample: int) -> None:
         record = self._run.record
         start = record.robot.x[sample] - BEHIND
-        dashes = np.arange(np.floor(start / 12.0) * 12.0, start + BEHIND + AHEAD + 12.0, 12.0)  # move with the road
-        for y in record.road.lane_lines(record.robot.x[sample])[1:-1]:
-            ends = np.stack([np.column_stack([dashes, np.full_like(dashes, y)])] * 2, axis=1)
-            ends[:, 1, 0] += 4.0
-            for dash in self._to_pixels(ends, sample):
-                draw.line([tuple(dash[0]), tuple(dash[1])], fill=style.LANE_LINE, width=OVERSAMPLING)
+        for along, lines in stretches(record.road, start - 5.0, start + BEHIND + AHEAD + 5.0):
+            if not record.road.is_straight:  # else it is in the background
+                sides = [
+                    self._to_pixels(np.column_stack([along, np.full(len(along), y)]), sample) for y in lines[[0, -1]]
+                ]
+                corners = [tuple(corner) for corner in np.vstack([sides[0], sides[1][::-1]])]
+                draw.polygon(corners, style.ASPHALT, style.GREY, OVERSAMPLING)
+            dashes = np.arange(np.floor(along[0] / 12.0) * 12.0, along[-1] + 12.0, 12.0)  # move with the road
+            for y in lines[1:-1]:
+                ends = np.stack([np.column_stack([dashes, np.full_like(dashes, y)])] * 2, axis=1)
+                ends[:, 1, 0] += 4.0
+                for dash in self._to_pixels(ends, sample):
+                    draw.line([tuple(dash[0]), tuple(dash[1])], fill=style.LANE_LINE, width=OVERSAMPLING)
 
     def _draw_plan(self, draw: ImageDraw.ImageDraw, sample: int) -> None:
         points = self._to_pixels(plan_path(self._run.record, sample, self._tracking), sample)
@@ -174,8 +186,9 @@ class FrameArtist:
         draw = ImageDraw.Draw(image)
         road_top = HEADER * OVERSAMPLING + round(self._pixels_per_metre)
         road_bottom = HEADER * OVERSAMPLING + self._road_height - round(self._pixels_per_metre)
-        draw.rectangle((0, road_top, self._size[0], road_bottom), style.ASPHALT, style.GREY, OVERSAMPLING)
         record = self._run.record
+        if record.road.is_straight:
+            draw.rectangle((0, road_top, self._size[0], road_bottom), style.ASPHALT, style.GREY, OVERSAMPLING)
         speeds = np.concatenate([record.robot.speed, record.robot.plan_speed])
         speed_range = (float(speeds.min()) - 1.0, float(speeds.max()) + 1.0)
         self._draw_strip(draw, 0, "speed (m/s), planned: grey", speed_range)

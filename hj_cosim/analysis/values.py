@@ -8,25 +8,34 @@ from numba import njit
 from hj_cosim.reachability.table.lookup import TableArrays, value_at
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import RunRecord
+from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH, to_nearest_part
 
 
 def car_values(record: RunRecord, table: ValueTable) -> np.ndarray:
     """Return V of every car at every sample, (T, J) float32, m; +inf where a car is outside the grid or absent."""
     robot, traffic = record.robot, record.traffic
     states = np.column_stack([robot.x, robot.y, robot.heading, robot.speed])
-    return _car_values(table.arrays, states, traffic.present, traffic.x, traffic.y, traffic.speed)
+    sizes = np.column_stack([traffic.length, traffic.width])
+    return _car_values(table.arrays, states, traffic.present, traffic.x, traffic.y, traffic.speed, sizes)
 
 
 @njit(cache=True)
 def _car_values(
-    table: TableArrays, robot: np.ndarray, present: np.ndarray, x: np.ndarray, y: np.ndarray, speed: np.ndarray
+    table: TableArrays,
+    robot: np.ndarray,
+    present: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    speed: np.ndarray,
+    sizes: np.ndarray,
 ) -> np.ndarray:
     samples, cars = x.shape
     values = np.full((samples, cars), math.inf, np.float32)
     for t in range(samples):
         for j in range(cars):
             if present[t, j]:
-                p_x, p_y = robot[t, 0] - x[t, j], robot[t, 1] - y[t, j]
+                p_x = to_nearest_part(robot[t, 0] - x[t, j], sizes[j, 0], CAR_LENGTH)
+                p_y = to_nearest_part(robot[t, 1] - y[t, j], sizes[j, 1], CAR_WIDTH)
                 values[t, j] = value_at(table, p_x, p_y, robot[t, 2], robot[t, 3], speed[t, j])
     return values
 

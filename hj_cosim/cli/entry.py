@@ -1,16 +1,22 @@
 """Where the program begins and ends: Ctrl-C is answered in one line from its first instant to its last.
 
-What takes long to import is imported under the guard. An interruption can be lost on its way (libraries catch what is
-raised in the middle of their import or of a callback), so that it is remembered as well as raised.
+The first instant is this file's first line: what Python does before, to start and to find it, is Python's own. What
+takes long to import is imported under a guard. An interruption can be lost on its way (libraries catch what is raised
+in the middle of their import or of a callback), so that it is remembered as well as raised.
 """
 
 import os
-import signal
-import sys
-from types import FrameType
-from typing import NoReturn
 
-from hj_cosim.cli.interruption import INTERRUPTED, MESSAGE
+try:
+    import atexit
+    import signal
+    from types import FrameType
+    from typing import NoReturn
+
+    from hj_cosim.cli.interruption import INTERRUPTED, leave_interrupted
+except KeyboardInterrupt:  # before there is anything that could have been left half-written
+    os.write(2, b"interrupted\n")
+    os._exit(130)
 
 
 class _Interruptions:
@@ -27,7 +33,9 @@ class _Interruptions:
 
 def main() -> None:
     """Run the command line; see `commands.main`."""
-    signal.signal(signal.SIGINT, _leave_at_once)  # while modules are imported, and after a command has ended
+    # The first to be registered is the last to be called: then Python takes itself down, which is not to be cut short.
+    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, leave_interrupted)  # while modules are imported, and after a command has ended
     from hj_cosim.cli.commands import main as run_command_line
 
     interruptions = _Interruptions()
@@ -35,16 +43,8 @@ def main() -> None:
         signal.signal(signal.SIGINT, interruptions)
         run_command_line()
     except BaseException as error:
-        signal.signal(signal.SIGINT, _leave_at_once)
-        already_said = isinstance(error, SystemExit) and error.code == INTERRUPTED
-        if interruptions.pressed and not already_said:
-            _leave_at_once(signal.SIGINT, None)
+        signal.signal(signal.SIGINT, leave_interrupted)
+        if interruptions.pressed:
+            leave_interrupted(said=isinstance(error, SystemExit) and error.code == INTERRUPTED)
         raise
-    signal.signal(signal.SIGINT, _leave_at_once)
-
-
-def _leave_at_once(number: int, frame: FrameType | None) -> NoReturn:
-    """End the process where nothing of ours is open."""
-    sys.stdout.flush()
-    os.write(sys.stderr.fileno(), f"{MESSAGE}\n".encode())
-    os._exit(INTERRUPTED)
+    signal.signal(signal.SIGINT, leave_interrupted)

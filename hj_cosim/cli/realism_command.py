@@ -22,12 +22,13 @@ def realism(
 ) -> None:
     """Measure the background traffic, and say of each quantity whether it lies within what is published."""
     from hj_cosim.cosim.configuration import resolve_config, stack_flags
+    from hj_cosim.cosim.episode import open_world
     from hj_cosim.verification.realism import traffic_realism
 
     flags = stack_flags(duration=duration, seed=seed)
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=assignments or ())
     with progress_bars() as bars:
-        measures, findings = traffic_realism(config, episodes, bar(bars, f"driving {config.scenario.name}"))
+        measures, findings = traffic_realism(config, episodes, open_world, bar(bars, f"driving {config.scenario.name}"))
     rows = [
         {
             "quantity": finding.quantity,

@@ -2,6 +2,7 @@
 
 import logging
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -24,7 +25,7 @@ from hj_cosim.cli.console import (
 from hj_cosim.locations import runs_folder
 
 
-# Thirteen parameters: each is an option of the command line.
+# Fifteen parameters: each is an option of the command line.
 @app.command(
     epilog=example(
         "hj-cosim run dense --planner op --seed 3 --set planner.expansions=200",
@@ -40,6 +41,8 @@ def run(
     seed: Annotated[int | None, typer.Option(help="Seed of the traffic; the scenario's, or 0.")] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds to record; 30 by default.")] = None,
     table: Annotated[str | None, typer.Option(help="A name in value_tables/ or a path to a specification.")] = None,
+    ego: Annotated[str | None, typer.Option(help="Of a .sumocfg: the vehicle whose place the robot takes.")] = None,
+    begin: Annotated[float | None, typer.Option(help="Of a .sumocfg: when the robot takes over, s.")] = None,
     assignments: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting; hj-cosim knobs lists them.")
     ] = None,
@@ -64,6 +67,8 @@ def run(
             seed=seed,
             duration=duration,
             table=table,
+            ego=ego,
+            begin=begin,
             settings=assignments or (),
             out=out or new_run_folder,
             figures=figures,
@@ -71,7 +76,7 @@ def run(
                 driving=bar(bars, f"driving {Path(scenario).stem}"),
                 solving=bar(bars, "solving the value table"),
                 drawing=bar(bars, "drawing"),
-                announce=messages.print,
+                announce=partial(messages.print, markup=False, highlight=False, soft_wrap=True),
             ),
         )
     repeated = repetition_of(scenario, episode)

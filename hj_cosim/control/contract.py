@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from hj_cosim.reachability.table.table import ValueTable
 
 
+_CHANGED = 0.01  # of a control's range, which is noticed
+
+
 @dataclass(frozen=True)
 class FilterInputs:
     """What a filter may ask for, by the names of its constructor's parameters."""
@@ -54,15 +57,24 @@ class FilterDecision:
     """What a filter does at one instant, and why."""
 
     control: Control  # to apply for the next step
-    constraints: int = 0  # how many cars constrain it, |K|; any at all is an intervention
+    constraints: int = 0  # how many cars constrain it, |K|
     slack: float = 0.0  # by how much the constraints are missed; 0 where they are met
     # Numbers by name, such as {"escaped": 1}; each is summed over the drive.
     diagnostics: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def intervening(self) -> bool:
-        """Whether any car constrains the control."""
+    def constrained(self) -> bool:
+        """Whether any car constrains the control: an intervention, as the paper counts them."""
         return self.constraints > 0
+
+    def intervening(self, desired: Control, robot: RobotSettings) -> bool:
+        """Return whether it is an intervention: constrained, or another control than desired, by 1 % of its range."""
+        return (
+            self.constrained
+            or abs(self.control.omega - desired.omega) > _CHANGED * 2.0 * robot.omega_max
+            or abs(self.control.acceleration - desired.acceleration)
+            > _CHANGED * (robot.acceleration_max - robot.acceleration_min)
+        )
 
 
 CANNOT_JUDGE = FilterDecision(Control(math.nan, math.nan))

@@ -53,7 +53,7 @@ class GuardedFilter:
             self._filter.prepare(observation, values)
         except HjCosimError:
             raise
-        except Exception as error:
+        except Exception as error:  # a stranger's code may raise anything
             raise failure(self._filter, "prepare", error) from error
 
     def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
@@ -74,7 +74,7 @@ class GuardedFilter:
             decision = self._filter.filter(observation, values, wanted)
         except HjCosimError:
             raise
-        except Exception as error:
+        except Exception as error:  # a stranger's code may raise anything
             raise failure(self._filter, "filter", error) from error
         require_quick(self._filter, "filter", time.perf_counter() - started)
         omega, acceleration = self._numbers(decision)

@@ -6,9 +6,10 @@ from typing import Any
 
 import tomli_w
 
+from hj_cosim.cosim.motion import require_bends
 from hj_cosim.cosim.repetition import is_run_configuration, require_nothing_foreign
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.locations import scenarios_folder
+from hj_cosim.locations import scenarios_folder, whole_name
 from hj_cosim.plugins import FILTER, PLANNER, find_plugin, options_of, whole_reference
 from hj_cosim.settings import (
     PRESETS,
@@ -21,9 +22,9 @@ from hj_cosim.settings import (
     shown,
     validate,
 )
-from hj_cosim.traffic.network import read_road
+from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.placement import initial_traffic
-from hj_cosim.traffic.sources.scenarios import network_path, scenario_data, scenario_path
+from hj_cosim.traffic.sources.scenarios import network_path, own_path, scenario_data, scenario_path
 
 UNNAMED = "unnamed"  # what a scenario is called that was given as a mapping without a name
 
@@ -61,7 +62,6 @@ def resolve_config(
         if isinstance(named, str) and named in PRESETS:  # any other value is refused below, with its layer's name
             preset = named
     source, given, folder = _given_scenario(scenario)
-    # Each layer is checked before the next is laid over it, so that each is named for its own mistakes.
     if is_run_configuration(given):
         data = _repeated(given, preset, layers, Path(source))
         config = validate(EpisodeConfig, data, source)
@@ -69,10 +69,10 @@ def resolve_config(
         data = _lowest_layers(given, preset or "best")
         config = validate(EpisodeConfig, data, source, table="scenario")
     data = overlay(data, {"scenario": {"network": {"file": _network_file(config, folder)}}})
-    for source, layer in layers:
-        data = overlay(data, layer)
-        config = validate(EpisodeConfig, data, source)
-    config = _with_plugins(config)
+    if config.scenario.own.is_given:
+        data = overlay(data, {"scenario": {"own": {"file": str(own_path(config.scenario.own.file, folder))}}})
+    config = _with_layers(data, layers)
+    config = _with_plugins(config).model_copy(update={"table": whole_name(config.table, "table =")})
     _require_room(config)
     return config
 
@@ -104,6 +104,25 @@ def _repeated(
     return {key: value for key, value in recorded.items() if key != "name"}
 
 
+def _with_layers(data: Mapping[str, Any], layers: Sequence[tuple[str, Mapping[str, Any]]]) -> EpisodeConfig:
+    """Return the configuration with layers laid over it, which have to make sense together.
+
+    Raises:
+        ConfigurationError: if they do not; it names the first layer that makes none with those below it.
+    """
+    whole = dict(data)
+    for _, layer in layers:
+        whole = overlay(whole, layer)
+    try:
+        return validate(EpisodeConfig, whole, "the settings")
+    except ConfigurationError:
+        below = dict(data)
+        for source, layer in layers:
+            below = overlay(below, layer)
+            validate(EpisodeConfig, below, source)
+        raise
+
+
 def _with_plugins(config: EpisodeConfig) -> EpisodeConfig:
     """Return the configuration with whole references to planner and filter, and their options in full.
 
@@ -125,8 +144,14 @@ def _require_room(config: EpisodeConfig) -> None:
     Raises:
         NetworkError, ScenarioError: as the world would, which builds the same.
     """
+    if config.scenario.own.is_given:
+        own_path(config.scenario.own.file)
+        return  # what drives there is found when it runs
     network = config.scenario.network
-    initial_traffic(config.scenario, read_road(network_path(network), network.edge), config.robot, config.seed)
+    path = network_path(network)
+    road, _ = read_network(path, network)
+    require_bends(road, config.robot, str(path))
+    initial_traffic(config.scenario, road, config.robot, config.seed)
 
 
 def stack_flags(

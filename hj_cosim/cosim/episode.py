@@ -15,6 +15,7 @@ from hj_cosim.control.problem.safety_problem import FAILED
 from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE, SafetyPreservingFilter
 from hj_cosim.control.tracking import eased, tracking_control
 from hj_cosim.cosim.configuration import config_toml
+from hj_cosim.cosim.motion import in_existing_lane, moved, yaw_rate
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.errors import DriveEnded, SimulationError
 from hj_cosim.metrics.catalogue import require_declared
@@ -34,8 +35,9 @@ from hj_cosim.recording.versions import TABLE, program_versions
 from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target, is_possible
 from hj_cosim.settings import EpisodeConfig
 from hj_cosim.traffic.contract import World
+from hj_cosim.traffic.sumo.own_world import OwnWorld
 from hj_cosim.traffic.sumo.world import SumoWorld
-from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
+from hj_cosim.vehicles.bicycle import steering_for
 from hj_cosim.verification.promise_audit import PromiseAudit
 
 Progress = Callable[[int, int], None]  # samples driven, samples in all
@@ -52,6 +54,7 @@ class Episode(RunFrames):
     timing: Mapping[str, float]  # what depends on the machine
     versions: Mapping[str, str] = field(default_factory=dict)  # of what it was driven with, its value table among it
     folder: Path | None = None  # the run's folder, where it was written
+    notes: str | None = None  # TOML: what was chosen, overridden and silenced in a user's own simulation
 
     def __repr__(self) -> str:
         place = "" if self.folder is None else f", in {self.folder}"
@@ -102,7 +105,7 @@ def drive(
     simulation, robot = config.simulation, config.robot
     samples = max(round(simulation.duration / simulation.step), 1)
     samples_per_plan = max(round(simulation.plan_period / simulation.step), 1)
-    recorder = Recorder(samples, len(world.vehicle_names))
+    recorder = Recorder(samples, len(world.vehicle_names), config.robot)
     guarded_planner = GuardedPlanner(planner, world.road)
     guarded_filter = GuardedFilter(safety_filter, robot)
     observation = _observe(world)
@@ -120,19 +123,19 @@ def drive(
                 target = plan.target
             if progress is not None:
                 progress(sample, samples)
-        wanted = tracking_control(observation.robot, target, world.road, config.tracking, robot)
+        followed = target if world.road.is_straight else in_existing_lane(target, observation.robot, world.road)
+        wanted = tracking_control(observation.robot, followed, world.road, config.tracking, robot)
         desired = eased(wanted, desired, config.tracking.jerk_max, simulation.step)
         decision = guarded_filter.filter(observation, values, desired)
         omega, acceleration = decision.control.omega, decision.control.acceleration
-        steering = steering_for(omega, float(observation.robot[3]), robot.wheelbase)
+        turning = yaw_rate(observation.robot, omega, world.road)
+        steering = steering_for(turning, float(observation.robot[3]), robot.wheelbase)
         recorder.record(observation, values, plan, desired, decision, steering)
         if simulation.on_collision == "stop" and _collided(observation, config):
             ended = COLLISION
             break
         if sample + 1 < samples:
-            state = bicycle_step(
-                observation.robot, steering, acceleration, robot.wheelbase, robot.speed_max, simulation.step
-            )
+            state = moved(observation.robot, steering, acceleration, world.road, robot, simulation.step)
             try:
                 world.step(state, acceleration)
             except DriveEnded as end:
@@ -172,13 +175,33 @@ def _collided(observation: Observation, config: EpisodeConfig) -> bool:
     )
 
 
-def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | None = None) -> Episode:
+def open_world(config: EpisodeConfig) -> SumoWorld | OwnWorld:
+    """Return the world of a configuration: a scenario's, or a user's own simulation.
+
+    Raises:
+        ConfigurationError, NetworkError, ScenarioError: if it cannot be built.
+        SimulationError: if SUMO does not start.
+    """
+    scenario, robot, seed, simulation = config.scenario, config.robot, config.seed, config.simulation
+    if scenario.own.is_given:
+        fastest = config.planner.speed_high
+        return OwnWorld(scenario, robot, seed, simulation.step, simulation.traffic_step, fastest)
+    return SumoWorld(scenario, robot, seed, simulation.step, traffic_step=simulation.traffic_step)
+
+
+def run_in_sumo(
+    config: EpisodeConfig,
+    table: ValueTable,
+    progress: Progress | None = None,
+    announce: Callable[[str], None] | None = None,
+) -> Episode:
     """Drive one episode in SUMO.
 
     Args:
         config: what to run.
         table: the solved value table that planner and filter share.
         progress: called with the samples driven and the samples in all, once a plan.
+        announce: told what was chosen, overridden and silenced in a user's own simulation, before the drive.
 
     Raises:
         NetworkError, ScenarioError: if the world cannot be built.
@@ -187,16 +210,21 @@ def run_in_sumo(config: EpisodeConfig, table: ValueTable, progress: Progress | N
     """
     require_robot(table, config.robot)
     started = time.perf_counter()
-    with SumoWorld(config.scenario, config.robot, config.seed, config.simulation.step) as world:
+    with open_world(config) as world:
+        if announce is not None and isinstance(world, OwnWorld):
+            announce(world.told)
         world.settle(config.simulation.settle_time)
-        planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, table)
+        drivers = world.predicted if isinstance(world, OwnWorld) else config.scenario.drivers
+        planner = make_planner(config.planner, config.robot, drivers, world.road, table)
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
         audit = PromiseAudit(table.arrays, promises=isinstance(safety_filter, SafetyPreservingFilter))
         driven = drive(world, planner, safety_filter, table, config, audit, progress)
     wall_seconds = time.perf_counter() - started
     summary = summarize(driven.record, config, audit.summary() | fallback_summary(driven.diagnostics))
     versions = {**program_versions(), TABLE: specification_hash(table.specification, table.game)}
-    return Episode(config, driven.record, summary, world.drivers, timing(summary, wall_seconds), versions)
+    notes = world.told if isinstance(world, OwnWorld) else None
+    taken = timing(summary, wall_seconds)
+    return Episode(config, driven.record, summary, world.drivers, taken, versions, notes=notes)
 
 
 def fallback_summary(diagnostics: Mapping[str, float]) -> dict[str, float]:
@@ -233,4 +261,5 @@ def write_episode(episode: Episode, folder: Path, keep: Keep = "all") -> None:
         keep,
         episode.timing,
         episode.versions,
+        episode.notes,
     )

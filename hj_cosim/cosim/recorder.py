@@ -20,13 +20,15 @@ ROOM_GROWTH = 2  # times as many columns as before, where a car comes that has n
 class Recorder:
     """The tracks of one episode while it is being driven."""
 
-    def __init__(self, samples: int, vehicles: int) -> None:
+    def __init__(self, samples: int, vehicles: int, limits: RobotSettings) -> None:
         """Make room.
 
         Args:
             samples: that may be taken at most.
             vehicles: cars that are known at the beginning; more may come.
+            limits: of the robot, whose ranges say what is another control than desired.
         """
+        self._limits = limits
         self._taken = 0
         self._time = np.zeros(samples)
         self._traffic = TrafficTrack.empty(("",) * vehicles, np.zeros(vehicles), np.zeros(vehicles), samples)
@@ -81,7 +83,7 @@ class Recorder:
         robot.value[sample] = values.least if values.is_known else math.inf
         robot.value_vehicle[sample] = observation.vehicle[values.nearest] if values.nearest >= 0 else NO_VEHICLE
         robot.constraints[sample] = decision.constraints
-        robot.intervening[sample] = decision.intervening
+        robot.intervening[sample] = decision.intervening(desired, self._limits)
         robot.slack[sample] = decision.slack
 
     def finish(self, road: Road, robot: RobotSettings, names: Sequence[str], ended: str) -> RunRecord:

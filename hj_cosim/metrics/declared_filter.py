@@ -1,8 +1,18 @@
 """What the filter promised and how often it could not, and metrics of many episodes: declarations."""
 
-from hj_cosim.metrics.declaration import SUM_OVER_EPISODES, EpisodesWith, Metric, WeightedMean
+from hj_cosim.metrics.declaration import MEAN_OVER_SAMPLES, SUM_OVER_EPISODES, EpisodesWith, Metric, WeightedMean
 
 FILTER_METRICS = (
+    Metric(
+        "constrained_percent",
+        label="filter had a car to mind",
+        unit="%",
+        format=".1f",
+        better="lower",
+        pooling=MEAN_OVER_SAMPLES,
+        explanation="share of samples with a car in K, which is how the paper counts interventions",
+        shown="run",
+    ),
     Metric(
         "promise_kept_percent",
         label="filter kept its promise",

@@ -18,7 +18,7 @@ def jerk_and_turning(record: RunRecord) -> dict[str, float]:
     robot, step = record.robot, step_of(record)
     change = np.abs(np.diff(robot.acceleration))
     jerk = change / step if len(change) else np.zeros(1)
-    lateral = np.abs(robot.speed * robot.omega)
+    lateral = np.abs(robot.speed * _yaw_rate(record))
     jumps = int(np.count_nonzero(change > JUMP))
     return {
         "mean_abs_jerk": float(jerk.mean()),
@@ -30,6 +30,16 @@ def jerk_and_turning(record: RunRecord) -> dict[str, float]:
         "lateral_acceleration_gt_2_5": float(np.mean(lateral > UNCOMFORTABLE)),
         "lateral_acceleration_gt_4": float(np.mean(lateral > HARD_ON_TYRES)),
     }
+
+
+def _yaw_rate(record: RunRecord) -> np.ndarray:
+    """Return how fast the robot turned in the world, (T,) rad/s: against the road, and with it."""
+    robot, road = record.robot, record.road
+    if road.is_straight:
+        return robot.omega
+    forward = robot.speed * np.cos(robot.heading)
+    bend = map(road.bend_rate, robot.x.tolist(), robot.y.tolist(), forward.tolist())
+    return np.asarray(robot.omega + np.fromiter(bend, float, len(robot.x)))
 
 
 def step_of(record: RunRecord) -> float:

@@ -49,6 +49,7 @@ def summarize(record: RunRecord, config: EpisodeConfig, counted: Mapping[str, An
         "mean_speed": float(np.mean(robot.speed)),
         "mean_abs_acceleration": float(np.mean(np.abs(robot.acceleration))),
         "intervention_percent": 100.0 * float(np.mean(robot.intervening)),
+        "constrained_percent": 100.0 * float(np.mean(robot.constraints > 0)),
         "collisions": count_onsets(threats.collision),
         "min_gap": float(np.min(threats.min_gap)),
         "distance": float(np.sum(np.hypot(np.diff(robot.x), np.diff(robot.y)))),

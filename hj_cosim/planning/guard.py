@@ -35,7 +35,7 @@ class GuardedPlanner:
             self._planner.prepare(observation)
         except HjCosimError:
             raise
-        except Exception as error:
+        except Exception as error:  # a stranger's code may raise anything
             raise failure(self._planner, "prepare", error) from error
 
     def plan(self, observation: Observation, previous: Target) -> Plan:
@@ -50,7 +50,7 @@ class GuardedPlanner:
             plan = self._planner.plan(observation, previous)
         except HjCosimError:
             raise
-        except Exception as error:
+        except Exception as error:  # a stranger's code may raise anything
             raise failure(self._planner, "plan", error) from error
         require_quick(self._planner, "plan", time.perf_counter() - started)
         if what := self._wrong(plan):

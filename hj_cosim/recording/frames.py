@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from hj_cosim.recording.columns import name_column, numeric_column, text_column
 from hj_cosim.recording.record import ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack
-from hj_cosim.scene.road import road_to_json
+from hj_cosim.scene.road_text import road_to_json
 from hj_cosim.vehicles.idm import PARAMETER_NAMES
 
 if TYPE_CHECKING:

@@ -31,7 +31,8 @@ from hj_cosim.recording.run_bounds import (
 )
 from hj_cosim.recording.summary_file import TIMING, read_summary, summary_html, summary_sentence, summary_text
 from hj_cosim.recording.versions import VERSIONS, versions_text
-from hj_cosim.scene.road import StraightRoad, road_from_json
+from hj_cosim.scene.road import Road
+from hj_cosim.scene.road_text import road_from_json
 from hj_cosim.settings import EpisodeConfig, read_toml, validate
 
 CONFIG = "config.toml"
@@ -39,8 +40,9 @@ TRAJECTORIES = "trajectories.parquet"
 ROBOT = "robot.parquet"
 SUMMARY = "summary.json"
 DRIVERS = "drivers.parquet"
+NOTES = "own_simulation.toml"
 FIGURES = "figures"
-OWN_FILES = (CONFIG, TRAJECTORIES, ROBOT, SUMMARY, TIMING, VERSIONS, DRIVERS, FIGURES)
+OWN_FILES = (CONFIG, TRAJECTORIES, ROBOT, SUMMARY, TIMING, VERSIONS, DRIVERS, NOTES, FIGURES)
 
 Keep = Literal["all", "robot"]  # everything that a run folder holds, or all but the cars' trajectories
 
@@ -111,6 +113,7 @@ def whole_folder(folder: Path) -> Iterator[Path]:
             temporary.replace(folder)
 
 
+# Nine parameters: one for each file, and where they go.
 def write_run(
     folder: Path,
     record: RunRecord,
@@ -120,6 +123,7 @@ def write_run(
     keep: Keep = "all",
     timing: Mapping[str, float] | None = None,
     versions: Mapping[str, str] | None = None,
+    notes: str | None = None,
 ) -> None:
     """Write a run's folder, without its figures; all of it or nothing.
 
@@ -132,6 +136,7 @@ def write_run(
         keep: `all`, or everything but trajectories.parquet, which is nearly all of the size (`robot`).
         timing: as `metrics.summary.timing` returns it; timing.json unless None.
         versions: of what it was driven with, as recording.versions has them; versions.json unless None.
+        notes: TOML about a user's own simulation; own_simulation.toml unless None.
 
     Raises:
         RunFolderError: if `folder` already holds something, or cannot be written.
@@ -148,6 +153,8 @@ def write_run(
             (temporary / TIMING).write_text(summary_text(timing), encoding="utf-8")
         if versions is not None:
             (temporary / VERSIONS).write_text(versions_text(versions), encoding="utf-8")
+        if notes is not None:
+            (temporary / NOTES).write_text(notes, encoding="utf-8")
         (temporary / FIGURES).mkdir()
 
 
@@ -213,7 +220,7 @@ def read_config(folder: Path) -> dict[str, Any]:
     return config.model_dump(mode="json", exclude_none=True)
 
 
-def road_of(schema: pa.Schema) -> StraightRoad:
+def road_of(schema: pa.Schema) -> Road:
     """Return the road that trajectories.parquet carries in its metadata.
 
     Raises:

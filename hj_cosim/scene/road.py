@@ -5,13 +5,11 @@ coordinates. d = 0 is the centre line of lane 0, the right-most. Where lanes lie
 know asks it, with the s at which it matters.
 """
 
-import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
 
 # One place, or the places of many cars.
 Coordinate = TypeVar("Coordinate", float, np.ndarray)
@@ -78,10 +76,58 @@ class Road(Protocol):
         """Return dheading/ds, 1/m, positive where the road bends to the left."""
         ...
 
+    @property
+    def lap(self) -> float:
+        """After how many m of s a closed road is where it began; 0 of an open one."""
+        ...
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether the road frame is the world's, turned and moved, so that bodies move alike in both."""
+        ...
+
+    @property
+    def sharpest(self) -> float:
+        """The largest curvature of any lane's centre line in the world, 1/m."""
+        ...
+
+    def stretch_at(self, along: float, lateral: float) -> float:
+        """Return how many metres of the world a metre of s is at d: ds/dt = v cosθ over this. 1 on a straight road."""
+        ...
+
+    def bend_rate(self, along: float, lateral: float, forward: float) -> float:
+        """Return how fast the road turns under who goes along it at `forward` = v cosθ, rad/s: dθ/dt = ω − this."""
+        ...
+
+    def lane_end(self, lane: int, along: float) -> float:
+        """Return the s (m) at which a lane ends that exists at s; inf where it does not end on this road."""
+        ...
+
+    def leads_off(self, lane: int, along: float) -> bool:
+        """Return whether a lane that ends goes on beside this road, as an exit does, rather than being closed."""
+        ...
+
+    def lasting_lanes(self, along: np.ndarray, ahead: float) -> np.ndarray:
+        """Return the first and the last (J, 2) of the lanes that exist all the way from s (J,) to `ahead` m beyond.
+
+        Where there is none, the first exceeds the last.
+        """
+        ...
+
     def to_world(
         self, along: Coordinate, lateral: Coordinate, heading: Coordinate
     ) -> tuple[Coordinate, Coordinate, Coordinate]:
         """Return world x, y (m) and heading (rad) of road coordinates: three numbers, or three arrays of one shape."""
+        ...
+
+    def from_world(self, x: float, y: float, heading: float, near: float) -> tuple[float, float, float]:
+        """Return s, d (m) and the heading relative to the road (rad) of a place in the world.
+
+        Args:
+            x, y: m.
+            heading: rad.
+            near: an s (m) some metres away at most: a road may come by the same place twice.
+        """
         ...
 
 
@@ -134,6 +180,43 @@ class StraightRoad:
         """Return the lateral offsets (lane_count + 1,), m, of the lines beside the lanes, from the right."""
         return (np.arange(self.lane_count + 1) - 0.5) * self.lane_width
 
+    @property
+    def lap(self) -> float:
+        """Return 0."""
+        return 0.0
+
+    @property
+    def is_straight(self) -> bool:
+        """True."""
+        return True
+
+    @property
+    def sharpest(self) -> float:
+        """Return 0."""
+        return 0.0
+
+    def stretch_at(self, along: float, lateral: float) -> float:
+        """Return 1."""
+        return 1.0
+
+    def bend_rate(self, along: float, lateral: float, forward: float) -> float:
+        """Return 0."""
+        return 0.0
+
+    def lane_end(self, lane: int, along: float) -> float:
+        """Return inf: lanes end where the road does."""
+        return math.inf
+
+    def leads_off(self, lane: int, along: float) -> bool:
+        """Return False."""
+        return False
+
+    def lasting_lanes(self, along: np.ndarray, ahead: float) -> np.ndarray:
+        """Return the first and the last lane (J, 2), the same everywhere."""
+        lanes = np.zeros((len(along), 2), np.int64)
+        lanes[:, 1] = self.lane_count - 1
+        return lanes
+
     def heading_at(self, along: float) -> float:
         """Return the road's heading in the world, rad: the same everywhere."""
         return self.heading
@@ -153,27 +236,8 @@ class StraightRoad:
             heading + self.heading,
         )
 
-
-def road_to_json(road: Road) -> str:
-    """Return a road as the text that `road_from_json` reads.
-
-    Raises:
-        TypeError: if it is a kind of road that has no such text.
-    """
-    if not isinstance(road, StraightRoad):
-        raise TypeError(f"only straight roads can be written, not a {type(road).__name__}")
-    return json.dumps(asdict(road))
-
-
-def road_from_json(text: str | bytes) -> StraightRoad:
-    """Return the road that a text of `road_to_json` describes.
-
-    Raises:
-        ValueError: if it describes none.
-    """
-    try:
-        return TypeAdapter(StraightRoad).validate_json(text)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"])) or "the whole"
-        raise ValueError(f"it does not describe a road: {key}: {first['msg']}") from error
+    def from_world(self, x: float, y: float, heading: float, near: float) -> tuple[float, float, float]:
+        """Return s, d (m) and the relative heading (rad) of a place in the world; `near` does not matter."""
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        right, up = x - self.origin_x, y - self.origin_y
+        return right * cos + up * sin, up * cos - right * sin, heading - self.heading

@@ -21,6 +21,7 @@ from hj_cosim.settings.layers import (
     toml_value,
     validate,
 )
+from hj_cosim.settings.own_simulation import OwnSimulationSettings
 from hj_cosim.settings.planner import MOST_PREDICTION_STEPS, PlannerSettings
 from hj_cosim.settings.robot import RobotSettings, TrackingSettings
 from hj_cosim.settings.scenario import (
@@ -30,6 +31,7 @@ from hj_cosim.settings.scenario import (
     NormalDistribution,
     RobotStart,
     Scenario,
+    StreamSettings,
     TrafficSettings,
 )
 from hj_cosim.settings.table import Boundary, GridSettings, Scheme, TableSpecification
@@ -50,6 +52,7 @@ __all__ = [
     "GridSettings",
     "NetworkSettings",
     "NormalDistribution",
+    "OwnSimulationSettings",
     "PlannerSettings",
     "RobotSettings",
     "RobotStart",
@@ -59,6 +62,7 @@ __all__ = [
     "SettingEntry",
     "Settings",
     "SimulationSettings",
+    "StreamSettings",
     "TableSpecification",
     "TrackingSettings",
     "TrafficSettings",

@@ -30,6 +30,7 @@ MetresPerSecond = Annotated[float, Unit("m/s")]
 MetresPerSecondSquared = Annotated[float, Unit("m/s²")]
 MetresPerSecondCubed = Annotated[float, Unit("m/s³")]
 CarsPerKilometreAndLane = Annotated[float, Unit("cars/km/lane")]
+CarsPerHour = Annotated[float, Unit("cars/h")]
 
 
 def unit_of(field: FieldInfo) -> str | None:

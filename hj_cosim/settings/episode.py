@@ -1,5 +1,6 @@
 """Everything that an episode depends on, and the presets."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, Literal
 
@@ -15,17 +16,49 @@ from hj_cosim.settings.scenario import Scenario
 # Samples times cars of an episode, which is kept in memory until it is written: some 4 GB.
 MOST_RECORDED = 100_000_000
 
+STEP_TOLERANCE = 1e-6  # how far a traffic step may be from a whole number of steps, as a share
+
 
 class SimulationSettings(Settings):
     """Clocks of an episode."""
 
     duration: Seconds = Field(30.0, gt=0, le=3600, description="recorded time")
-    step: Seconds = Field(0.02, ge=0.001, le=0.1, description="of control and traffic")
+    step: Seconds = Field(0.02, ge=0.001, le=0.1, description="of the robot: its control, its motion, what is recorded")
+    traffic_step: Seconds = Field(
+        0.1,
+        ge=0.001,
+        le=0.5,
+        description="of SUMO, a multiple of simulation.step; cars move continuously within it",
+    )
     plan_period: Seconds = Field(1.0, gt=0, le=3600, description="between plans")
     settle_time: Seconds = Field(3.0, ge=0, le=3600, description="the traffic settles before the robot takes over")
     on_collision: Literal["stop", "continue"] = Field(
         "stop", description="whether the drive ends where the robot's body overlaps a car's"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _traffic_step_fits_the_step(cls, data: Any) -> Any:
+        """Take the usual traffic step, or the next smaller multiple of a step that is given alone."""
+        if not isinstance(data, Mapping) or "traffic_step" in data or not _is_number(data.get("step")):
+            return data
+        usual, step = cls.model_fields["traffic_step"].default, data["step"]
+        whole = max(math.floor(usual / step * (1.0 + STEP_TOLERANCE)), 1) if step > 0 else 1
+        return {**data, "traffic_step": whole * step}
+
+    @model_validator(mode="after")
+    def _traffic_step_is_a_multiple(self) -> "SimulationSettings":
+        steps = self.traffic_step / self.step
+        if round(steps) < 1 or abs(steps - round(steps)) > STEP_TOLERANCE * steps:
+            raise ValueError(
+                f"simulation.traffic_step ({self.traffic_step:g} s) must be a multiple of simulation.step"
+                f" ({self.step:g} s); for example {max(round(steps), 1) * self.step:g}"
+            )
+        return self
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 class EpisodeConfig(Settings):
@@ -50,6 +83,13 @@ class EpisodeConfig(Settings):
                 f"simulation.duration ({simulation.duration} s) of {cars} cars in steps of simulation.step"
                 f" ({simulation.step} s) is more than is kept in memory, {MOST_RECORDED} samples of a car; take less"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _vehicle_is_in_a_simulation(self) -> "EpisodeConfig":
+        own = self.scenario.own
+        if not own.is_given and (own.ego or own.begin is not None):
+            raise ValueError("scenario.own.ego and scenario.own.begin (--ego, --begin) are about a user's own .sumocfg")
         return self
 
     @model_validator(mode="after")

@@ -26,6 +26,14 @@ class RobotSettings(Settings):
     lateral_acceleration_max: MetresPerSecondSquared = Field(
         1000.0, ge=0.1, le=1000, description="what its tyres hold, limit on |v ω_r|; 1000, the paper's, is no limit"
     )
+    # What the value table knows of turning is against the road, as far as omega_max and lateral_acceleration_max go.
+    # These two are kept beside it for the road's own bends, so that all of that is there on a bend as well.
+    bend_rate_max: RadiansPerSecond = Field(
+        0.15, ge=0, le=10, description="what it can turn beyond omega_max, for bends of the road: |κ| v"
+    )
+    bend_acceleration_max: MetresPerSecondSquared = Field(
+        4.5, ge=0, le=1000, description="what its tyres hold beyond lateral_acceleration_max, for bends: |κ| v²"
+    )
     speed_max: MetresPerSecond = Field(40.0, ge=0.1, le=1000, description="the fastest it drives")
 
 

@@ -5,6 +5,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from hj_cosim.settings.base import (
+    CarsPerHour,
     CarsPerKilometreAndLane,
     Metres,
     MetresPerSecond,
@@ -13,6 +14,7 @@ from hj_cosim.settings.base import (
     Settings,
     Unit,
 )
+from hj_cosim.settings.own_simulation import OwnSimulationSettings
 
 
 class NormalDistribution(Settings):
@@ -64,13 +66,29 @@ class DriverSettings(Settings):
 
 
 class NetworkSettings(Settings):
-    """Which straight edge of which SUMO network is driven on."""
+    """Which edges of which SUMO network are driven on: a straight one, a chain of them, or from one to another."""
 
     file: str = Field(
         "four_lanes.net.xml",
         description="a .net.xml or .net.xml.gz beside the scenario, in sumo_net/, or an absolute path",
     )
-    edge: str = Field("highway", description="the edge's id in the network")
+    edge: str = Field("highway", description="a straight edge's id in the network, unless there is a route")
+    route: tuple[str, ...] | None = Field(
+        None, min_length=1, description="a chain of edges, straight or not, in place of edge"
+    )
+    from_edge: str | None = Field(None, description="where the shortest route begins, in place of route")
+    to_edge: str | None = Field(None, description="where it ends")
+    laps: int = Field(1, ge=1, le=1000, description="how often the route is driven; more than once if it is closed")
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> "NetworkSettings":
+        if (self.from_edge is None) != (self.to_edge is None):
+            raise ValueError("from_edge and to_edge go together; give both or none")
+        if self.route is not None and self.from_edge is not None:
+            raise ValueError("route and from_edge say the same thing twice; keep one of them")
+        if self.laps > 1 and self.route is None:
+            raise ValueError(f"laps = {self.laps} needs a route")
+        return self
 
 
 class TrafficSettings(Settings):
@@ -103,6 +121,14 @@ class CarStart(Settings):
     desired_speed: MetresPerSecond | None = Field(None, gt=0, description="drawn like any driver's when left out")
 
 
+class StreamSettings(Settings):
+    """Cars that SUMO lets in during the drive, on a route of several edges."""
+
+    from_edge: str = Field(description="where they come from")
+    to_edge: str = Field(description="where they go to, by the shortest way")
+    flow: CarsPerHour = Field(gt=0, le=20_000, description="how many, at random times")
+
+
 class RobotStart(Settings):
     """Where the robot stands when the episode begins."""
 
@@ -120,7 +146,15 @@ class Scenario(Settings):
     traffic: TrafficSettings = Field(TrafficSettings(), description="the cars that are drawn")
     drivers: DriverSettings = Field(DriverSettings(), description="their drivers")
     robot: RobotStart = Field(RobotStart(), description="where the robot starts")
+    own: OwnSimulationSettings = Field(OwnSimulationSettings(), description="a user's own simulation to drive in")
     cars: tuple[CarStart, ...] = Field((), description="cars at given places, beside the drawn ones")
+    streams: tuple[StreamSettings, ...] = Field((), description="cars that come later, where the road is a route")
+
+    @model_validator(mode="after")
+    def _streams_have_a_route(self) -> "Scenario":
+        if self.streams and self.network.route is None and self.network.from_edge is None:
+            raise ValueError("streams need network.route, or from_edge and to_edge")
+        return self
 
     @property
     def is_hand_made(self) -> bool:

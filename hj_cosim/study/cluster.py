@@ -1,10 +1,12 @@
 """The same episodes on a Dask cluster (optional extra `cluster`), from a laptop's two workers to a thousand.
 
-Nothing but the package has to be on the workers: value tables travel to them and finished run folders back, so that
-no file system is shared; only scenarios with a network of the user's own need it at the same place everywhere. Dask
+Nothing but the package has to be on the workers: value tables and Python files of one's own (planners, filters, games)
+travel to them and finished run folders back, so that no file system is shared; only scenarios with a network of the
+user's own need it at the same place everywhere, and a planner named by its module needs that installed. Dask
 drives an episode again elsewhere when its worker dies, and gives it up when it has taken several workers with it.
 """
 
+import atexit
 import hashlib
 import tempfile
 import threading
@@ -12,15 +14,19 @@ import traceback
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 from hj_cosim.errors import HjCosimError, WorkerError
 from hj_cosim.files import temporary_folder, whole_file
+from hj_cosim.locations import read_code_from
 from hj_cosim.recording.run_folder import whole_folder
 from hj_cosim.study.jobs import EpisodeFunction, EpisodeJob, Outcome
 
 RunFiles = Mapping[str, bytes | None]  # the content of a run folder by path; None for a folder in it
+Code = Mapping[Path, bytes]  # Python files of a user's own, by their places where the study is
 TableContent = tuple[str, bytes]  # a solved table's file and its digest
 
 _ONE_SUMO = threading.Lock()  # a process holds one SUMO; a worker started with several threads takes turns
@@ -45,9 +51,13 @@ class DaskCluster:
             return
         with _connected(self.scheduler, self.timeout) as client:
             # Tables are tasks, not scattered data: when the workers that hold one die, Dask makes it again.
-            tables = {path: client.submit(_content, path.read_bytes(), pure=False) for path in {j.table for j in jobs}}
+            places = {job.table.path for job in jobs}
+            tables = {path: client.submit(_content, path.read_bytes(), pure=False) for path in places}
+            code = _code_of(jobs)
             waiting = {
-                client.submit(_drive_remotely, job, tables[job.table], function, pure=False, priority=-number): job
+                client.submit(
+                    _drive_remotely, job, tables[job.table.path], code, function, pure=False, priority=-number
+                ): job
                 for number, job in enumerate(jobs)
             }
             for episode in _distributed().as_completed(list(waiting), loop=client.loop):
@@ -111,15 +121,65 @@ def _content(content: bytes) -> TableContent:
     return hashlib.sha256(content).hexdigest(), content
 
 
-def _drive_remotely(job: EpisodeJob, table: TableContent, function: EpisodeFunction) -> RunFiles | str:
+def _code_of(jobs: Sequence[EpisodeJob]) -> Code:
+    """Return the Python files that the jobs name: those of planners, filters and games of a user's own.
+
+    Raises:
+        WorkerError: if one cannot be read any more.
+    """
+    named = {
+        name
+        for job in jobs
+        for name in (
+            job.config.planner.kind.rpartition(":")[0],
+            job.config.filter.kind.rpartition(":")[0],
+            job.table.specification.dynamics,
+        )
+        if name.endswith(".py")
+    }
+    try:
+        return {Path(name): Path(name).read_bytes() for name in sorted(named)}
+    except OSError as error:
+        raise WorkerError(f"cannot read {error.filename}, which is to be sent along: {error.strerror}") from error
+
+
+def _drive_remotely(job: EpisodeJob, table: TableContent, code: Code, function: EpisodeFunction) -> RunFiles | str:
     """Drive an episode on a worker, and return its run folder's files, or one sentence on why it could not be."""
+    copies: Mapping[Path, Path] = {}
     try:
         with _ONE_SUMO, temporary_folder() as temporary:
             folder = temporary / job.folder.name
-            function(replace(job, table=_table_file(table), folder=folder))
+            copies = _copies_of(code)
+            read_code_from(copies)
+            function(replace(job, table=replace(job.table, path=_table_file(table)), folder=folder))
             return _pack(folder)
     except HjCosimError as error:
-        return str(error)
+        sentence = str(error)
+        for place, copy in copies.items():
+            sentence = sentence.replace(str(copy), str(place))
+        return sentence
+
+
+def _copies_of(code: Code) -> Mapping[Path, Path]:
+    """Return where Python files are that are not here, or not the same; they are written once a process."""
+    copies: dict[Path, Path] = {}
+    for place, content in code.items():
+        if place.is_file() and place.read_bytes() == content:
+            continue
+        copy = _folder_for_code() / hashlib.sha256(content).hexdigest() / place.name
+        if not copy.is_file():
+            with whole_file(copy) as temporary:
+                temporary.write_bytes(content)
+        copies[place] = copy
+    return copies
+
+
+@cache
+def _folder_for_code() -> Path:
+    """Return a folder of this process's own, in which nobody else can put code."""
+    folder = tempfile.mkdtemp(prefix="hj-cosim-")
+    atexit.register(rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def _table_file(table: TableContent) -> Path:

@@ -1,7 +1,7 @@
 """What a study consists of: which stacks in which scenarios with which varied knobs, all on the same seeds."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -15,6 +15,7 @@ from hj_cosim.study.stacks import PAPER_STACKS, Stack, parse_stack
 
 # What a row of the table says of itself; varying it would make the row say something else than what was driven.
 _KEYS_OF_A_ROW = ("seed", "preset", "planner.kind", "filter.kind", "filter.scheme", "scenario.name")
+_SETTABLE = ("preset", "scenario.name")  # for all rows alike
 
 
 @dataclass(frozen=True)
@@ -137,6 +138,8 @@ def design_study(
         raise ConfigurationError(f"episodes = {episodes}: a study needs one episode or more")
     if not scenarios or not stacks:
         raise ConfigurationError("a study needs one scenario and one stack or more")
+    for text in settings:
+        _require_not_a_rows_own(text)
     cells = []
     base = {"seed": seed, "simulation": {"on_collision": "continue"}}
     for scenario in scenarios:
@@ -153,6 +156,18 @@ def design_study(
     design = StudyDesign(tuple(cells), tuple(range(seed, seed + episodes)))
     _require_distinct_rows(design)
     return design
+
+
+def _require_not_a_rows_own(assignment: str) -> None:
+    """Check that a setting for every episode is none that makes a row's name untrue, or each episode the same."""
+    for key in _KEYS_OF_A_ROW:
+        found: Any = parse_assignment(assignment)
+        for part in key.split("."):
+            found = found.get(part) if isinstance(found, Mapping) else None
+        if found is not None and key not in _SETTABLE:
+            raise ConfigurationError(
+                f"--set {shown(assignment)}: a study sets {key} itself; choose stacks and seeds instead"
+            )
 
 
 def design_of(request: StudyRequest) -> StudyDesign:

@@ -1,12 +1,18 @@
 """How a worker drives one episode of a study in SUMO."""
 
 from functools import cache
+from pathlib import Path
 
 from hj_cosim.cosim.episode import run_in_sumo, write_episode
 from hj_cosim.reachability.table.store import read_table
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.settings import TableSpecification
 from hj_cosim.study.jobs import EpisodeJob
 
-_load_table = cache(read_table)  # once a process
+
+@cache  # once a process
+def _load_table(path: Path, specification: str) -> ValueTable:
+    return read_table(path, TableSpecification.model_validate_json(specification))
 
 
 def drive_episode(job: EpisodeJob) -> None:
@@ -15,4 +21,5 @@ def drive_episode(job: EpisodeJob) -> None:
     Raises:
         HjCosimError: if the world cannot be built, SUMO fails, or the folder cannot be written.
     """
-    write_episode(run_in_sumo(job.config, _load_table(job.table)), job.folder, job.keep)
+    table = _load_table(job.table.path, job.table.specification.model_dump_json())
+    write_episode(run_in_sumo(job.config, table), job.folder, job.keep)

@@ -28,6 +28,7 @@ from typing import Any
 from hj_cosim.cosim.configuration import config_toml
 from hj_cosim.errors import RunFolderError
 from hj_cosim.files import remove_abandoned, whole_file
+from hj_cosim.reachability.table.store import KeptTable
 from hj_cosim.recording.run_folder import require_free_folder
 from hj_cosim.recording.study_files import (
     CLAIMS_TABLE,
@@ -135,14 +136,14 @@ class StudyFolder:
         """A configuration for each value table that the study's episodes need, by its `table_key`."""
         return {table_key(cell.config): cell.config for cell in self.design.cells}
 
-    def remaining_jobs(self, table_files: Mapping[str, Path]) -> list[EpisodeJob]:
+    def remaining_jobs(self, tables: Mapping[str, KeptTable]) -> list[EpisodeJob]:
         """Return the episodes that are not there yet.
 
         Args:
-            table_files: the solved value table of each `table_key` of the configurations.
+            tables: the solved value table of each `table_key` of the configurations.
         """
         return [
-            EpisodeJob(cell.config_of(seed), table_files[table_key(cell.config)], folder, self.request.keep)
+            EpisodeJob(cell.config_of(seed), tables[table_key(cell.config)], folder, self.request.keep)
             for cell, seed in self.design.episodes()
             if not is_complete(folder := self.run_folder(cell, seed))
         ]

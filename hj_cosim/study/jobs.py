@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from hj_cosim.reachability.table.store import KeptTable
 from hj_cosim.recording.run_folder import Keep
 from hj_cosim.settings import EpisodeConfig
 
@@ -14,7 +15,7 @@ class EpisodeJob:
     """One episode of a study, ready to be sent to a worker."""
 
     config: EpisodeConfig
-    table: Path  # the solved value table, an .npz
+    table: KeptTable  # the solved value table, and what it was solved from
     folder: Path  # where the run folder appears when the episode is done
     keep: Keep = "all"
 

@@ -6,8 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.recording.study_files import StudyRequest, read_study_file, require_no_contradiction
-from hj_cosim.settings import assignment_texts, flattened, shown, validate
+from hj_cosim.locations import whole_name
+from hj_cosim.recording.study_files import (
+    StudyRequest,
+    read_study_file,
+    require_no_contradiction,
+    split_variation,
+)
+from hj_cosim.settings import assignment_texts, flattened, parse_assignment, shown, validate
 from hj_cosim.study.stacks import PAPER_STACKS, Stack, parse_stack
 
 Texts = str | Sequence[str]  # one or several
@@ -35,8 +41,8 @@ def given_fields(**fields: Any) -> dict[str, Any]:
     lists: dict[str, Callable[[Any], str | None]] = {
         "scenarios": _scenario,
         "stacks": _stack,
-        "vary": _text,
-        "set": _text,
+        "vary": _variation,
+        "set": _assignment,
     }
     return {
         name: _each(value, name, lists[name]) if name in lists else value
@@ -86,16 +92,29 @@ def _each(values: Any, name: str, convert: Callable[[Any], str | None]) -> tuple
     return tuple(texts)
 
 
-def _text(value: Any) -> str | None:
-    return value if isinstance(value, str) else None
+# Files are named by their whole paths, so that the study can be resumed from anywhere.
+def _assignment(value: Any) -> str | None:
+    """Return a text KEY=VALUE; the path of a table is a whole one."""
+    if not isinstance(value, str):
+        return None
+    given = parse_assignment(value) if "=" in value else {}
+    table = given.get("table")
+    return f"table={whole_name(table, 'table =')}" if isinstance(table, str) else value
+
+
+def _variation(value: Any) -> str | None:
+    """Return a text KEY=VALUE,VALUE; the paths of tables are whole ones."""
+    if not isinstance(value, str):
+        return None
+    key, tables = split_variation(value)
+    return f"table={','.join(whole_name(table, 'table =') for table in tables)}" if key == "table" else value
 
 
 def _scenario(value: Any) -> str | None:
-    """Return a scenario's name, or the whole path of its file, so that the study can be resumed from anywhere."""
+    """Return a scenario's name, or the path of its file."""
     if not isinstance(value, str | PathLike):
         return None
-    text = str(value)
-    return str(Path(text).expanduser().absolute()) if text.endswith(".toml") else text
+    return whole_name(str(value), "scenario")
 
 
 def _settings(settings: Mapping[str, Any]) -> list[str]:

@@ -2,11 +2,11 @@
 
 import re
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.files import file_name
+from hj_cosim.locations import whole_path
 from hj_cosim.settings import shown
 
 NO_SCHEME = "-"  # the scheme of a stack without a filter, or with one that has no schemes
@@ -115,7 +115,7 @@ def _anchored(kind: str) -> str:
     reference = _REFERENCE.fullmatch(kind)
     if reference is None or not reference["place"].endswith(".py"):
         return kind
-    return f"{Path(reference['place']).expanduser().absolute()}:{reference['name']}"
+    return f"{whole_path(reference['place'], 'the file')}:{reference['name']}"
 
 
 def _short_name(kind: str) -> str:

@@ -177,8 +177,7 @@ def run_study(
         return read_study(folder.path)
     for config in driven.values():
         load_table(config.table, solving, robot=config.robot)
-    table_files = {key: table.path for key, table in kept.items()}
-    return conduct(folder, engine, function=drive_episode, table_files=table_files, progress=progress)
+    return conduct(folder, engine, function=drive_episode, tables=kept, progress=progress)
 
 
 def _study_folder(out: Path | None, given: Mapping[str, Any], *, resume: bool) -> StudyFolder:
@@ -223,7 +222,7 @@ def conduct(
     engine: Engine,
     *,
     function: EpisodeFunction,
-    table_files: Mapping[str, Path],
+    tables: Mapping[str, KeptTable],
     progress: Progress | None = None,
 ) -> Study:
     """Drive what a study's folder lacks, and write its tables.
@@ -232,13 +231,13 @@ def conduct(
         folder: the study's, begun.
         engine: where the episodes are driven.
         function: how one is driven.
-        table_files: the solved value table of each `table_key` of the configurations.
+        tables: the solved value table of each `table_key` of the configurations.
         progress: called with the episodes done and the episodes in all.
 
     Raises:
         RunFolderError, WorkerError: as `run_study`.
     """
-    jobs = folder.remaining_jobs(table_files)
+    jobs = folder.remaining_jobs(tables)
     total = len(folder.design.cells) * len(folder.design.seeds)
     present = total - len(jobs)
 

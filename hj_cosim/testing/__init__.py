@@ -1,4 +1,4 @@
-"""Tests for those who write a planner, a filter or a world of their own.
+"""Tests for those who write a planner, a filter, a world or a game of their own.
 
 In a test of one's own, for example with pytest:
 
@@ -13,7 +13,8 @@ Each raises ContractError, an AssertionError, with one sentence about the first 
 
 from hj_cosim.testing.expectations import ContractError
 from hj_cosim.testing.filters import check_filter
+from hj_cosim.testing.games import check_game
 from hj_cosim.testing.planners import check_planner
 from hj_cosim.testing.worlds import check_world
 
-__all__ = ["ContractError", "check_filter", "check_planner", "check_world"]
+__all__ = ["ContractError", "check_filter", "check_game", "check_planner", "check_world"]

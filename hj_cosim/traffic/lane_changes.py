@@ -36,7 +36,7 @@ def sort_nearly_sorted(order: np.ndarray, position: np.ndarray) -> None:
 
 @njit(cache=True)
 def wanted_lanes(
-    order: np.ndarray, deciding: np.ndarray, cars: DrivingCars, mobil: np.ndarray, lane_count: int
+    order: np.ndarray, deciding: np.ndarray, cars: DrivingCars, mobil: np.ndarray, usable: np.ndarray
 ) -> np.ndarray:
     """Return the lane that each car wants, (J,) int; the cars may be in any order.
 
@@ -45,7 +45,7 @@ def wanted_lanes(
         deciding: (J,) bool, the cars whose turn it is.
         cars: all of them.
         mobil: (3,) politeness, gain threshold, safe braking.
-        lane_count: lanes of the road.
+        usable: (J, 2) int, the first and the last lane that each may want.
     """
     sort_nearly_sorted(order, cars.position)
     wanted = lane_decisions(
@@ -57,7 +57,7 @@ def wanted_lanes(
         cars.length[order],
         cars.drivers[order],
         mobil,
-        lane_count,
+        usable[order],
     )
     result = np.empty_like(cars.lane)
     result[order] = wanted

@@ -1,46 +1,23 @@
 """Reading the road frame from a SUMO network: any straight edge of two or more equally wide lanes."""
 
-import gzip
 import math
-import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
 
 from hj_cosim.errors import NetworkError
 from hj_cosim.scene.road import StraightRoad
+from hj_cosim.traffic.net_file import CAR_CLASS, NetLane, lane_of, read_elements
 
 # What counts as straight, parallel and equally wide (m), and as parallel (rad): above the centimetres that nets are
 # rounded to, below what a planner or a table would notice.
 POSITION_TOLERANCE = 0.05
 LENGTH_TOLERANCE = 0.1
-DEFAULT_LANE_WIDTH = 3.2  # m, SUMO's, for lanes that state none
 NARROWEST_LANE = 2.5  # m
-CAR_CLASS = "passenger"
-LARGEST_NETWORK = 100_000_000  # bytes once unpacked, a large city's
-READ_AT_ONCE = 1 << 20  # bytes
-DEEPEST_NETWORK = 50  # elements within each other; SUMO writes four
-
-
-@dataclass(frozen=True)
-class _Lane:
-    """One lane as the network states it."""
-
-    width: float  # m
-    length: float  # m
-    shape: np.ndarray  # (points, 3) m
-    admits_cars: bool
 
 
 def read_road(path: Path, edge: str) -> StraightRoad:
     """Return the road that `edge` of the SUMO network at `path` is.
-
-    The file, packed (.net.xml.gz) or not, is read as a stream, and refused before anything in it is expanded if it has
-    a DOCTYPE, includes other files (SUMO would read them), or is larger or deeper than LARGEST_NETWORK and
-    DEEPEST_NETWORK.
 
     Raises:
         NetworkError: if the file is missing or malformed, or the edge is not a straight one of two or more
@@ -56,92 +33,27 @@ def read_road(path: Path, edge: str) -> StraightRoad:
     return _road_of(lanes, where)
 
 
-def _read_lanes(path: Path, edge: str) -> tuple[list[_Lane], set[str]]:
+def _read_lanes(path: Path, edge: str) -> tuple[list[NetLane], set[str]]:
     """Return the lanes of `edge`, from the right, and the names of all edges that are not inside a junction."""
-    lanes: dict[int, _Lane] = {}
+    lanes: dict[int, NetLane] = {}
     edges: set[str] = set()
-    roots: list[tuple[str, bool]] = []  # the outermost element, and whether it states a version
     inside = False
 
-    depth = 0
-
-    def start(name: str, attributes: dict[str, str]) -> None:
-        nonlocal inside, depth
-        depth += 1
-        if depth > DEEPEST_NETWORK:
-            raise NetworkError(f"{path} has more than {DEEPEST_NETWORK} elements within each other; no network does")
-        if name == "include":
-            raise NetworkError(f"{path} includes another file; write what it has into the network itself")
-        if not roots:
-            roots.append((name, "version" in attributes))
+    def on_element(name: str, attributes: dict[str, str]) -> None:
+        nonlocal inside
         if name == "edge" and attributes.get("function") != "internal":
             edges.add(attributes.get("id", ""))
             inside = attributes.get("id") == edge
         elif name == "edge":
             inside = False
         elif name == "lane" and inside:
-            lanes[int(attributes["index"])] = _lane_of(attributes)
+            lanes[int(attributes["index"])] = lane_of(attributes)
 
-    def end(_: str) -> None:
-        nonlocal depth
-        depth -= 1
-
-    def refuse_doctype(*_: object) -> None:
-        raise NetworkError(f"{path} has a DOCTYPE, which SUMO networks do not have; remove it")
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.StartDoctypeDeclHandler = refuse_doctype
-    try:
-        for piece in _pieces(path):
-            parser.Parse(piece)
-        parser.Parse(b"", True)
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise NetworkError(f"{path} is not a SUMO network: it cannot be unpacked ({error})") from error
-    except OSError as error:
-        raise NetworkError(
-            f"cannot read the network {path}: {error.strerror}; set network.file to a .net.xml"
-        ) from error
-    except expat.ExpatError as error:
-        raise NetworkError(f"{path} is not a SUMO network: {error}") from error
-    except (KeyError, ValueError) as error:
-        raise NetworkError(f"{path}: edge {edge!r} has a lane without a readable index, length or shape") from error
-    name, states_version = roots[0]
-    if name != "net":
-        raise NetworkError(f"{path} is not a SUMO network: its root is <{name}>, not <net>")
-    if not states_version:  # SUMO crashes on such a file
-        raise NetworkError(f'{path}: its <net> states no version; write <net version="1.20">')
+    read_elements(path, on_element, f"edge {edge!r}")
     return [lanes[index] for index in sorted(lanes)], edges
 
 
-def _pieces(path: Path) -> Iterator[bytes]:
-    """Yield the content of a network piece by piece, unpacked, no more than LARGEST_NETWORK in all."""
-    size = 0
-    with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
-        while piece := file.read(READ_AT_ONCE):
-            size += len(piece)
-            if size > LARGEST_NETWORK:
-                raise NetworkError(f"{path} is too large; {LARGEST_NETWORK // 10**6} MB of network is the most")
-            yield piece
-
-
-def _lane_of(attributes: dict[str, str]) -> _Lane:
-    points = [[float(part) for part in point.split(",")] for point in attributes["shape"].split()]
-    if len(points) < 2 or not all(len(point) in (2, 3) for point in points):
-        raise ValueError("shape")
-    shape = np.array([point if len(point) == 3 else [*point, 0.0] for point in points])
-    length, width = float(attributes["length"]), float(attributes.get("width", DEFAULT_LANE_WIDTH))
-    if not (np.isfinite(shape).all() and math.isfinite(length) and math.isfinite(width)):
-        raise ValueError("not finite")
-    allowed, refused = attributes.get("allow"), attributes.get("disallow", "")
-    admits = (
-        CAR_CLASS in allowed.split() or allowed == "all" if allowed else not {CAR_CLASS, "all"} & set(refused.split())
-    )
-    return _Lane(width, length, shape, admits)
-
-
-def _road_of(lanes: list[_Lane], where: str) -> StraightRoad:
+def _road_of(lanes: list[NetLane], where: str) -> StraightRoad:
     """Return the road that these lanes are, or say what keeps them from being one."""
     first = lanes[0]
     origin = first.shape[0, :2]

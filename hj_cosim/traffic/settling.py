@@ -43,6 +43,6 @@ def follow_lane(
     else:
         acceleration = idm_acceleration(speed, math.inf, 0.0, driver)
     next_speed = max(speed + acceleration * step, 0.0)
-    next_x = x + next_speed * step
+    next_x = x + next_speed * step / road.stretch_at(x, y)
     state = np.array([next_x, road.lane_centre(lane, next_x), 0.0, next_speed])
     return state, (next_speed - speed) / step

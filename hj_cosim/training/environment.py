@@ -11,6 +11,8 @@ from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.control.guard import GuardedFilter
 from hj_cosim.control.tracking import eased, tracking_control
 from hj_cosim.cosim.configuration import resolve_config, stack_flags
+from hj_cosim.cosim.episode import open_world
+from hj_cosim.cosim.motion import in_existing_lane, moved, yaw_rate
 from hj_cosim.errors import ConfigurationError, DriveEnded
 from hj_cosim.metrics.threats import collides
 from hj_cosim.planning.contract import ACTION_COUNT, FASTER, LEFT, RIGHT, SLOWER
@@ -20,9 +22,9 @@ from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Control, Observation, Target
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import EpisodeConfig, Scenario
-from hj_cosim.traffic.sumo.world import SumoWorld
+from hj_cosim.traffic.contract import World
 from hj_cosim.training.scene_array import COLUMNS, HIGHEST, LOWEST, scene_array
-from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
+from hj_cosim.vehicles.bicycle import steering_for
 
 CONTROL_PERIOD = 0.1  # s, for which a continuous action is held
 Reward = Callable[[Observation, Control, bool], float]  # of what came of an action, the last control, and a collision
@@ -81,7 +83,7 @@ class HighwayEnv(gymnasium.Env[np.ndarray, Any]):
             if actions == "continuous"
             else gymnasium.spaces.Discrete(ACTION_COUNT)
         )
-        self._world: SumoWorld | None = None
+        self._world: World | None = None
         self._filter: GuardedFilter | None = None
         self._make_filter: tuple[MakeFilter, ValueTable] | None = None
 
@@ -99,9 +101,9 @@ class HighwayEnv(gymnasium.Env[np.ndarray, Any]):
         """
         super().reset(seed=seed)
         self.close()
-        config, step = self.config, self.config.simulation.step
         traffic_seed = int(self.np_random.integers(2**31)) if seed is None else seed
-        self._world = SumoWorld(config.scenario, config.robot, traffic_seed, step)
+        config = self.config.model_copy(update={"seed": traffic_seed})
+        self._world = open_world(config)
         self._world.settle(config.simulation.settle_time)
         self._now = self._world.observe()
         self._road = self._world.road
@@ -177,7 +179,9 @@ class HighwayEnv(gymnasium.Env[np.ndarray, Any]):
             turn, push = (float(share) for share in action)
             limit = robot.acceleration_max if push > 0.0 else -robot.acceleration_min
             return Control(turn * robot.omega_max, push * limit)
-        wanted = tracking_control(self._now.robot, self._target, self._road, tracking, robot)
+        road, state = self._road, self._now.robot
+        target = self._target if road.is_straight else in_existing_lane(self._target, state, road)
+        wanted = tracking_control(self._now.robot, target, self._road, tracking, robot)
         self._desired = eased(wanted, self._desired, tracking.jerk_max, self.config.simulation.step)
         return self._desired
 
@@ -190,8 +194,9 @@ class HighwayEnv(gymnasium.Env[np.ndarray, Any]):
         """Make a step of the simulation; return why the drive cannot go on, or nothing."""
         assert self._world is not None
         robot, step = self.config.robot, self.config.simulation.step
-        steering = steering_for(control.omega, float(self._now.robot[3]), robot.wheelbase)
-        state = bicycle_step(self._now.robot, steering, control.acceleration, robot.wheelbase, robot.speed_max, step)
+        turning = yaw_rate(self._now.robot, control.omega, self._road)
+        steering = steering_for(turning, float(self._now.robot[3]), robot.wheelbase)
+        state = moved(self._now.robot, steering, control.acceleration, self._road, robot, step)
         try:
             self._world.step(state, control.acceleration)
         except DriveEnded as end:

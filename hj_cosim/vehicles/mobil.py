@@ -128,7 +128,7 @@ def lane_decisions(
     length: np.ndarray,
     drivers: np.ndarray,
     mobil: np.ndarray,
-    lane_count: int,
+    usable: np.ndarray,
 ) -> np.ndarray:
     """Return the lane that each deciding car wants to be in; its own where it stays.
 
@@ -137,7 +137,7 @@ def lane_decisions(
 
     Args:
         deciding: (J,) bool, the cars whose turn it is.
-        lane_count: lanes of the road.
+        usable: (J, 2) int, the first and the last lane that each may want.
         position, speed, lane, second_lane, length, drivers, mobil: as lane_change_incentive.
 
     Returns:
@@ -150,7 +150,7 @@ def lane_decisions(
             continue
         best = 0.0
         for target in (lane[car] + 1, lane[car] - 1):  # the left first: it wins a tie
-            if target < 0 or target >= lane_count:
+            if target < usable[car, 0] or target > usable[car, 1]:
                 continue
             incentive = lane_change_incentive(car, target, position, speed, lane, occupied, length, drivers, mobil)
             if incentive > best:

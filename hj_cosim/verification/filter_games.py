@@ -48,6 +48,27 @@ class Game(NamedTuple):
     wheelbase: float
     length: float
     width: float
+    curvature: float  # 1/m, of the road at d = 0; 0 of a straight one
+    half_wave: float  # m, in which the curvature turns over to the other side, like a cosine; inf if it stays
+
+
+@njit(cache=True)
+def curvature_at(game: Game, along: float) -> float:
+    """Return the road's curvature at s, 1/m."""
+    if game.half_wave == math.inf:
+        return game.curvature
+    return game.curvature * math.cos(math.pi * along / game.half_wave)
+
+
+@njit(cache=True)
+def bent(game: Game, before: float, after: float, lateral: float) -> float:
+    """Return the s (m) of who would have come from `before` to `after` on a straight road, but goes round a bend.
+
+    Both cars are in the world, where ds/dt = v cosθ/(1 − κ d): on the inner side a metre of road is less of s.
+    """
+    if game.curvature == 0.0:
+        return after
+    return before + (after - before) / (1.0 - curvature_at(game, before) * lateral)
 
 
 @njit(cache=True)
@@ -238,14 +259,16 @@ def _roll_out(
                 )
             end = min(max(others[j, 2] + other_acceleration * game.step, 0.0), game.other_speed_max)
             way = 0.5 * (others[j, 2] + end) * game.step
-            others[j, 0] += way * math.cos(heading)
+            others[j, 0] = bent(game, others[j, 0], others[j, 0] + way * math.cos(heading), others[j, 1])
             others[j, 1] += way * math.sin(heading)
             others[j, 2] = end
+        came_from, was_at = robot[0], robot[1]
         if bicycle:
             steering = steering_for(omega, robot[3], game.wheelbase)
             robot[:] = bicycle_step(robot, steering, acceleration, game.wheelbase, game.bounds[3], game.step)
         else:
             game_step(robot, omega, acceleration, game.bounds[3], game.step)
+        robot[0] = bent(game, came_from, robot[0], 0.5 * (was_at + robot[1]))
 
 
 # Ten parameters: those of _roll_out.

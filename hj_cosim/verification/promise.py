@@ -61,9 +61,9 @@ def promise_kept(
     Returns:
         None where nothing was promised: K is empty, the rows cannot be met together, or no car of K is in both.
     """
-    if not decision.intervening or not decision.meetable:
+    if not decision.constrained or not decision.meetable:
         return None
-    rates = realised_value_rates(table, before, after, decision.rows.vehicle)
+    rates = realised_value_rates(table, before.as_cars, after.as_cars, decision.rows.vehicle)
     rates = rates[~np.isnan(rates)]
     if len(rates) == 0:
         return None

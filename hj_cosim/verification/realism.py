@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from hj_cosim.errors import ScenarioError
 from hj_cosim.scene.observation import Observation
 from hj_cosim.settings import EpisodeConfig
+from hj_cosim.traffic.contract import World
 from hj_cosim.traffic.settling import follow_lane, robot_driver
-from hj_cosim.traffic.sumo.world import SumoWorld
 from hj_cosim.verification.traffic_measures import TrafficMeasures, measure_traffic
 
 SAMPLE = 0.1  # s between two looks at the traffic
@@ -79,7 +79,10 @@ def findings(measures: TrafficMeasures) -> list[Finding]:
 
 
 def traffic_realism(
-    config: EpisodeConfig, episodes: int, progress: Progress | None = None
+    config: EpisodeConfig,
+    episodes: int,
+    open_world: Callable[[EpisodeConfig], World],
+    progress: Progress | None = None,
 ) -> tuple[TrafficMeasures, list[Finding]]:
     """Return how real the background traffic of a configuration is.
 
@@ -88,6 +91,7 @@ def traffic_realism(
     Args:
         config: scenario, drivers, clocks; on the seeds `config.seed`, `config.seed` + 1, ...
         episodes: how many to drive.
+        open_world: makes the world of a configuration.
         progress: called with the episodes driven and the episodes in all.
 
     Raises:
@@ -103,7 +107,7 @@ def traffic_realism(
     def drives() -> Iterator[list[Observation]]:
         nonlocal lanes
         for number in range(episodes):
-            lanes, observations = _drive(config.model_copy(update={"seed": config.seed + number}))
+            lanes, observations = _drive(config.model_copy(update={"seed": config.seed + number}), open_world)
             yield observations
             if progress is not None:
                 progress(number + 1, episodes)
@@ -113,13 +117,13 @@ def traffic_realism(
     return measures, findings(measures)
 
 
-def _drive(config: EpisodeConfig) -> tuple[int, list[Observation]]:
+def _drive(config: EpisodeConfig, open_world: Callable[[EpisodeConfig], World]) -> tuple[int, list[Observation]]:
     """Return the road's lanes and the traffic every SAMPLE seconds, after it has settled."""
     step = config.simulation.step
     every = max(round(SAMPLE / step), 1)
     driver = robot_driver(config.scenario.drivers, config.scenario.robot.speed)
     seen = []
-    with SumoWorld(config.scenario, config.robot, config.seed, step) as world:
+    with open_world(config) as world:
         world.settle(config.simulation.settle_time)
         for number in range(round(config.simulation.duration / step)):
             now = world.observe()

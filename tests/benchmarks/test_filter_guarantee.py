@@ -52,6 +52,10 @@ def test_guarantee(benchmark, table):
         "two of the worst": dataclasses.replace(FEWER, cars=2),
         "three of the worst": dataclasses.replace(FEWER, cars=3),
         "IDM driver, bicycle": dataclasses.replace(FEWER, others="driver", model="bicycle"),
+        "on a bend of 1000 m": dataclasses.replace(FEWER, curvature=1.0 / 1000.0),
+        "on a bend of 500 m": dataclasses.replace(FEWER, curvature=1.0 / 500.0),
+        "on a bend of 300 m": dataclasses.replace(FEWER, curvature=1.0 / 300.0),
+        "on an S of 300 m": dataclasses.replace(FEWER, curvature=1.0 / 300.0, half_wave=200.0),
         "3 s instead of 10": dataclasses.replace(FEWER, duration=3.0),
         "a quarter of the step": dataclasses.replace(FEWER, step=MANY.step / 4),
     }

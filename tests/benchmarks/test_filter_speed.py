@@ -79,7 +79,7 @@ def test_filter_step(benchmark, table):
         safety_filter = FilterInLoop(settings, table)
         results = []
         taken = durations(lambda scene, f=safety_filter, r=results: r.append(f.filter(scene, DESIRED)), scenes)
-        intervening = np.array([result.intervening for result in results[50:]])
+        intervening = np.array([result.constrained for result in results[50:]])
         busy = taken[intervening] if intervening.any() else taken
         lines.append((name, np.median(taken), np.quantile(taken, 0.99), np.median(busy), 100 * intervening.mean()))
     looked_up = durations(lambda seen: car_values(table, seen), scenes)

@@ -55,7 +55,7 @@ def test_every_control_of_a_filter_is_finite_and_within_the_limits(table: ValueT
         counts["draws"] += 1
         counts["of them with 500 cars"] += len(scene.x) == 500
         counts["without a car"] += len(scene.x) == 0
-        counts["intervening"] += result.intervening
+        counts["intervening"] += result.constrained
         counts["outside the limits or not finite"] += not is_within_limits(result.control)
         counts["slack not finite"] += not math.isfinite(result.slack + getattr(result, "least_slack", 0.0))
     print(f"\n{kind} {scheme}: {dict(counts)}; counted by the filter: {dict(safety_filter.counts)}")

@@ -8,6 +8,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+from rolled_out import predict
 
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import run_in_sumo
@@ -176,7 +177,7 @@ def prediction_errors(name: str, seed: int, seconds: int = 15) -> Iterator[tuple
             if step % 50 == 0:
                 seen.append((now.vehicle.copy(), now.x.copy()))
                 target = Target(world.road.lane_at(now.robot[1], now.robot[0]), float(now.robot[3]))
-                predicted[step // 50] = planner.predict(now, target, [0, 0, 0])
+                predicted[step // 50] = predict(planner, now, target, [0, 0, 0])
             x, y, _, speed = now.robot
             world.step(np.array([x + 0.02 * speed, y, 0.0, speed]), 0.0)
     for second in range(seconds):

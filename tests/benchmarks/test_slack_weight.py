@@ -23,9 +23,9 @@ class Counting:
 
     def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
         result = self.inner.filter(observation, values, desired)
-        self.in_k += result.intervening
-        self.meetable += result.intervening and result.meetable
-        self.left_unmet += result.intervening and result.meetable and result.slack > UNMET
+        self.in_k += result.constrained
+        self.meetable += result.constrained and result.meetable
+        self.left_unmet += result.constrained and result.meetable and result.slack > UNMET
         return result
 
 

@@ -149,26 +149,30 @@ def _plot(table: np.ndarray) -> None:
     pyplot.close(figure)
 
 
-def test_idle_cosimulation_costs_at_most_twice_bare_sumo(small_table, monkeypatch):
-    """The whole loop of an episode, with planner idle and filter none, against SUMO's steps of the same traffic."""
+def test_idle_cosimulation_costs_at_most_six_tenths_of_bare_sumo(small_table, monkeypatch):
+    """The whole loop of an episode, with planner idle and filter none, against SUMO's steps of 0.02 s alone."""
     steps = 500
     config = resolve_config("paper", assignments=["planner.kind=idle", "filter.kind=none", "simulation.duration=10"])
-    whole, alone = [], []
+    clocks = {"one clock": STEP, "two clocks": config.simulation.traffic_step}
+    whole, alone = {name: [] for name in clocks}, []
     for _ in range(3):
         _, _, requests = cosimulated(config.scenario, steps, monkeypatch)
         alone.append(bare(config.scenario, steps, requests).sum() * BLOCK)
-        with SumoWorld(config.scenario, config.robot, seed=0) as world:
-            planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, small_table)
-            safety_filter = make_filter(config.filter, config.robot, world.road, small_table, STEP)
-            started = clock()
-            drive(world, planner, safety_filter, small_table, config)
-            whole.append(clock() - started)
-    ratio = np.median(whole) / np.median(alone)
+        for name, traffic_step in clocks.items():
+            with SumoWorld(config.scenario, config.robot, seed=0, traffic_step=traffic_step) as world:
+                planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, small_table)
+                safety_filter = make_filter(config.filter, config.robot, world.road, small_table, STEP)
+                started = clock()
+                drive(world, planner, safety_filter, small_table, config)
+                whole[name].append(clock() - started)
+    bare_seconds = np.median(alone)
     print(
-        f"\n100 cars, 10 s: bare SUMO {1e6 * np.median(alone) / steps:.0f} µs a step, episode with planner idle and"
-        f" filter none {1e6 * np.median(whole) / steps:.0f} µs: {ratio:.2f}x (to reach: 2x)"
+        f"\n100 cars, 10 s: bare SUMO {1e6 * bare_seconds / steps:.0f} µs a step of {STEP} s; episode with planner idle"
     )
-    assert ratio <= 2.0
+    for name, seconds in whole.items():
+        ratio = np.median(seconds) / bare_seconds
+        print(f"and filter none, {name}: {1e6 * np.median(seconds) / steps:.0f} µs, {ratio:.2f}x (to reach: 0.6x)")
+    assert np.median(whole["two clocks"]) / bare_seconds <= 0.6
 
 
 def test_a_step_of_the_world_with_100_cars(benchmark, long_road):

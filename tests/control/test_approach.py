@@ -11,10 +11,19 @@ from hj_cosim.settings import FilterSettings, RobotSettings
 BOX = np.array([-0.3, 0.3, -6.0, 4.0])
 
 
-def test_above_epsilon_v_may_fall_by_gamma_times_what_is_left() -> None:
-    assert asked_rise(5.0, 2.0, 0.0, 4.0) == -12.0
+def test_above_epsilon_v_may_fall_by_gamma_times_what_is_left_to_begin_with() -> None:
+    assert asked_rise(2.001, 2.0, 0.0, 4.0) == pytest.approx(-4.0 * 0.001, rel=1e-3)
     assert asked_rise(2.0, 2.0, 0.0, 4.0) == 0.0
     assert asked_rise(1.0, 2.0, 3.0, 4.0) == 3.0  # below, it has to recover
+
+
+def test_far_above_epsilon_a_lateral_gap_may_shrink_as_fast_as_it_is_wide() -> None:
+    # V of a gap d beside a car is 4 d³, and 12 d² its slope: on the scale of look-ups the gap itself.
+    for gap in (4.0, 6.0):
+        falls = asked_rise(4.0 * gap**3, 0.0, 0.0, 3.0)
+        assert falls / (12.0 * gap**2) == pytest.approx(-3.0 * gap, rel=0.2)
+    rates = [asked_rise(value, 0.5, 0.0, 4.0) / (value - 0.5) for value in (1.0, 3.0, 10.0, 30.0, 100.0)]
+    assert rates == sorted(rates, reverse=True)
 
 
 def test_a_row_can_bind_where_some_corner_of_the_box_misses_it() -> None:
@@ -28,7 +37,7 @@ def test_only_rows_that_no_control_could_miss_are_left_out() -> None:
     rows = np.array([[1.0, 5.0, 5.0], [0.0, 0.0, 10.0], [-1.0, -1.0, -1.0], [-1.0, -5.0, -40.0]])
     kept, found = binding_rows(rows.copy(), 2.0, 0.0, 4.0, BOX, 0.0, 0.0)
     assert kept.tolist() == [0, 2]  # in K; above epsilon and sure to be met; above and missed by some
-    assert found[3].tolist() == [-1.0, -40.0 + 12.0]
+    assert found[3].tolist() == [-1.0, -40.0 - asked_rise(5.0, 2.0, 0.0, 4.0)]
 
 
 def test_a_row_begins_before_epsilon_and_without_a_jump(table, observe) -> None:

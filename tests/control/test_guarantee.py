@@ -1,10 +1,12 @@
 import dataclasses
+import math
 
 import pytest
 
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.settings import FilterSettings
-from hj_cosim.verification.guarantee import CAUSES, RolloutSettings, measure_guarantee
+from hj_cosim.settings import FilterSettings, RobotSettings
+from hj_cosim.verification.filter_games import bent
+from hj_cosim.verification.guarantee import CAUSES, RolloutSettings, game_of, measure_guarantee
 
 FEW = RolloutSettings(rollouts=60, duration=2.0, seed=1)
 
@@ -49,6 +51,26 @@ def test_the_same_seed_gives_the_same_report_however_many_threads(table):
 def test_several_cars_the_bicycle_and_the_switching_scheme_roll_out_too(table):
     found = report(table, FilterSettings(scheme="sw"), cars=3, model="bicycle", rollouts=20, duration=1.0)
     assert 0 < found.rollouts <= 20
+
+
+@pytest.mark.parametrize(("lateral", "half_wave"), [(7.0, math.inf), (-7.0, math.inf), (7.0, 100.0)])
+def test_who_goes_round_a_bend_is_as_far_along_the_road_as_the_circle_says(table, lateral, half_wave):
+    settings = dataclasses.replace(FEW, curvature=1.0 / 300.0, half_wave=half_wave)
+    game = game_of(table, settings, FilterSettings(), RobotSettings())
+    s, length = 0.0, 2.0 * math.pi * (300.0 - lateral)
+    if half_wave < math.inf:  # out and back again: over a whole wave the bends cancel, up to second order
+        length = 20.0 * half_wave
+    for _ in range(20_000):
+        s = bent(game, s, s + length / 20_000, lateral)
+    assert s == pytest.approx(2.0 * math.pi * 300.0 if half_wave == math.inf else length, rel=1e-3)
+    straight = game_of(table, FEW, FilterSettings(), RobotSettings())
+    assert bent(straight, 3.0, 3.7, lateral) == 3.7
+
+
+def test_on_a_gentle_bend_v_falls_hardly_further(safe_table):
+    straight, bend = report(safe_table), report(safe_table, curvature=1.0 / 500.0)
+    assert bend != straight
+    assert bend.fall_max < straight.fall_max + 0.3
 
 
 def test_an_epsilon_that_no_state_has_is_an_error(safe_table):

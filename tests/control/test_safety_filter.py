@@ -41,7 +41,7 @@ def test_far_from_all_cars_the_desired_control_passes_within_the_limits(table, o
     for kind in ("spc", "rss", "none"):
         result = filter_of(table, kind=kind).filter(seen, Control(0.9, -20.0))
         assert result.control == Control(0.3, -6.0)
-        assert not result.intervening
+        assert not result.constrained
         assert (result.constraints, result.slack) == (0, 0.0)
 
 
@@ -49,7 +49,7 @@ def test_far_from_all_cars_the_desired_control_passes_within_the_limits(table, o
 def test_spc_s_control_keeps_every_row_that_can_be_met(table, observe, scheme):
     seen = observe([0.0, 4.0, 0.02, 26.0], [[27.0, 4.0, 0.0, 22.0], [4.0, 7.0, 0.0, 24.0]])
     result = filter_of(table, kind="spc", scheme=scheme).filter(seen, Control(0.1, 2.0))
-    assert result.intervening
+    assert result.constrained
     assert result.constraints == len(result.rows) == 2
     margins = result.rows.margins(result.control.omega, result.control.acceleration)
     assert result.slack == pytest.approx(max(-margins.min(), 0.0 if scheme == "mi" else -np.inf), abs=1e-9)

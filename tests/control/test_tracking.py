@@ -63,6 +63,20 @@ def test_a_lane_change_ends_in_the_lane_without_leaving_the_value_table_s_headin
     assert max(laterals) < 8.0 + 1.0  # stays within its lane: half a lane less half a car
 
 
+@pytest.mark.parametrize("speed", [10.0, 24.0, 38.0])
+def test_who_may_turn_little_approaches_its_lane_no_faster_than_it_can_straighten_up(speed):
+    # With K_1 = 2 alone a robot that may turn with 2.4 m/s2 went up to 0.8 m beyond its lane, and off the road.
+    settings = TrackingSettings(lateral_acceleration_max=2.4, heading_max=0.25)
+    state, laterals = np.array([0.0, 4.0, 0.0, speed]), []
+    for _ in range(500):
+        wanted = tracking_control(state, Target(2, speed), ROAD, settings, ROBOT)
+        steering = steering_for(wanted.omega, state[3], ROBOT.wheelbase)
+        state = bicycle_step(state, steering, wanted.acceleration, ROBOT.wheelbase, ROBOT.speed_max, 0.02)
+        laterals.append(state[1])
+    assert max(laterals) < 8.0 + 0.15
+    assert laterals[300] == pytest.approx(8.0, abs=0.2)  # and is there in 6 s
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_what_is_not_finite_stays_so_for_the_filter_to_count(bad):
     assert not math.isfinite(control([0.0, 4.0, 0.0, 24.0], speed=bad).acceleration)

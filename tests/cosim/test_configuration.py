@@ -127,3 +127,18 @@ def test_dicts_say_what_texts_and_files_say(scenario_with_fast_drivers):
 def test_a_dict_that_is_no_settings_is_refused(settings, said):
     with pytest.raises(ConfigurationError, match=said):
         resolve_config("paper", assignments=settings)
+
+
+def test_a_tables_path_is_a_whole_one_so_that_a_run_can_be_repeated_from_any_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert resolve_config("light", assignments=["table=mine.toml"]).table == str(tmp_path / "mine.toml")
+    assert resolve_config("light", flags={"table": "highway_paper"}).table == "highway_paper"
+
+
+def test_settings_are_judged_together_and_the_first_that_makes_no_sense_is_named():
+    slow = ["robot.speed_max=20", "scenario.robot.speed=15"]
+    assert resolve_config("light", assignments=slow).robot.speed_max == 20.0
+    with pytest.raises(ConfigurationError, match=r"--set robot.speed_max=20: scenario.robot.speed \(24 m/s\) must not"):
+        resolve_config("light", assignments=slow[:1])
+    with pytest.raises(ConfigurationError, match=r"--set planner.gamma_r=2: planner.gamma_r = 2"):
+        resolve_config("light", assignments=["simulation.duration=1", "planner.gamma_r=2", "filter.epsilon=-1"])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rolled_out import predict
 
 from hj_cosim.planning.contract import IDLE
 from hj_cosim.planning.optimistic.planner import OptimisticPlanner
@@ -35,7 +36,7 @@ def errors(small_table):
                         wrong = path.x[ahead, here] - seen.x[there], path.speed[ahead, here] - seen.speed[there]
                         collected[ahead].append(np.column_stack(wrong))
                 target = Target(world.road.lane_at(seen.robot[1], seen.robot[0]), float(seen.robot[3]))
-                predictions.append(planner.predict(seen, target, [IDLE] * 3))
+                predictions.append(predict(planner, seen, target, [IDLE] * 3))
             x, y, _, speed = seen.robot
             world.step(np.array([x + speed * STEP, y, 0.0, speed]), 0.0)
     return {ahead: np.vstack(rows) for ahead, rows in collected.items()}

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -22,7 +24,8 @@ def test_values_of_all_cars_are_those_of_their_states_one_by_one(small_table: Va
     states = [[100.0 - x, 4.0 - y, 0.05, 24.0, v] for x, y, v in zip(X, Y, SPEED, strict=True)]
     assert values.value == pytest.approx(small_table.value(np.array(states)))
     assert np.isfinite(values.value[:2]).all()
-    assert np.isposinf(values.value[2:]).all()  # too far ahead, too far aside
+    assert np.isposinf(values.value[2])  # too far ahead
+    assert values.value[3] > 1000.0  # too far aside: V(0, ·)
     assert values.least == values.value.min()
     assert pair_states(ROBOT, observation.cars, np.array([1, 3])) == pytest.approx(np.array(states)[[1, 3]])
 
@@ -43,3 +46,21 @@ def test_an_empty_road_has_no_values(small_table: ValueTable) -> None:
     values = car_values(small_table, scene(ROBOT, nobody, nobody, nobody, nobody))
     assert values.value.shape == (0,)
     assert values.least == np.inf
+
+
+@pytest.mark.parametrize(("x", "y"), [(-30.0, 4.0), (30.0, 4.0), (5.0, 7.6), (-3.0, 0.4)])
+def test_v_of_a_truck_is_that_of_the_worst_car_within_it(small_table: ValueTable, x: float, y: float) -> None:
+    """Written from scratch: a car everywhere within the body, and the least of their values."""
+    robot = np.array([100.0, 4.0, 0.0, 24.0])
+    one = np.array([100.0 + x]), np.array([y]), np.zeros(1), np.array([22.0])
+    truck = replace(scene(robot, *one), length=np.array([15.0]), width=np.array([2.5]))
+    within = [(a, b) for a in np.linspace(-5.0, 5.0, 201) for b in (-0.25, 0.25, np.clip(4.0 - y, -0.25, 0.25))]
+    worst = min(float(small_table.value(np.array([[-(x + a), 4.0 - (y + b), 0.0, 24.0, 22.0]]))[0]) for a, b in within)
+    value = float(car_values(small_table, truck).value[0])
+    assert value == pytest.approx(worst, abs=0.1)
+    assert value < float(car_values(small_table, scene(robot, *one)).value[0])
+
+
+def test_nobody_who_is_no_larger_than_a_car_is_moved(small_table: ValueTable) -> None:
+    observation = replace(scene(ROBOT, X, Y, HEADING, SPEED), length=np.full(4, 4.2), width=np.full(4, 1.7))
+    assert observation.as_cars is observation

@@ -4,7 +4,8 @@ from fine_simulation import guaranteed_by_simulation
 
 from hj_cosim.control.spc.escape import RESERVE
 from hj_cosim.errors import TableError
-from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres, least_between, lower_bounds
+from hj_cosim.reachability.games.highway.least_between import least_between
+from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres, lower_bounds
 from hj_cosim.reachability.table.store import solve_table
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import TableSpecification

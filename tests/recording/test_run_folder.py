@@ -4,11 +4,13 @@ from dataclasses import fields, replace
 import numpy as np
 import pandas as pd
 import pytest
+from bent_roads import circle
 
 from hj_cosim.errors import RunFolderError
 from hj_cosim.recording import run_folder
 from hj_cosim.recording.run_folder import read_run, require_free_folder, write_run
 from hj_cosim.scene.road import StraightRoad
+from hj_cosim.scene.road_text import road_to_json
 
 TRAJECTORY_COLUMNS = [
     "time",
@@ -177,3 +179,9 @@ def test_drivers_are_kept_by_name(tmp_path, record):
     assert written.vehicle.tolist() == list(record.traffic.names)
     np.testing.assert_array_equal(written.drop(columns="vehicle").to_numpy(), drivers)
     assert list(written.columns[1:3]) == ["desired_speed", "max_acceleration"]
+
+
+def test_a_drive_on_a_bend_is_read_back_with_its_road(make_record, tmp_path):
+    road = circle(300.0)
+    write_run(tmp_path / "run", make_record(road=road), 'seed = 3\n[scenario]\nname = "mine"\n', SUMMARY)
+    assert road_to_json(read_run(tmp_path / "run").record.road) == road_to_json(road)

@@ -6,7 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from hj_cosim.scene.road import Road, StraightRoad, road_from_json, road_to_json
+from hj_cosim.scene.road import Road, StraightRoad
+from hj_cosim.scene.road_text import road_from_json, road_to_json
 
 
 def test_a_road_along_x_from_the_origin_is_the_identity():
@@ -70,3 +71,9 @@ def test_a_road_survives_being_written_and_what_is_none_is_refused():
     for text in ("{}", "[1]", "not json", '{"lane_count": "many"}'):
         with pytest.raises(ValueError, match="does not describe a road"):
             road_from_json(text)
+
+
+def test_a_body_that_only_touches_a_lane_does_not_overlap_it():
+    road = StraightRoad(lane_count=3, lane_width=4.0)
+    assert road.lanes_overlapped(4.0, 4.0, 0.0) == range(1, 2)  # as wide as its lane, and in the middle of it
+    assert road.lanes_overlapped(4.0, 4.01, 0.0) == range(3)

@@ -10,6 +10,7 @@ from hj_cosim.settings import (
     NormalDistribution,
     PlannerSettings,
     Scenario,
+    SimulationSettings,
     overlay,
     parse_assignment,
     read_toml,
@@ -36,6 +37,28 @@ def test_unknown_key_is_named_with_the_known_ones():
 def test_wrong_value_is_named_with_its_key_and_what_would_be_right(data, said):
     with pytest.raises(ConfigurationError, match=said):
         validate(PlannerSettings, data, "somewhere")
+
+
+@pytest.mark.parametrize(
+    ("given", "traffic_step"),
+    [({"step": 0.05}, 0.1), ({"step": 0.03}, 0.09), ({"step": 0.1}, 0.1), ({"step": 0.02, "traffic_step": 0.04}, 0.04)],
+)
+def test_a_step_that_is_given_alone_gets_the_traffic_step_that_fits_it(given, traffic_step):
+    assert SimulationSettings.model_validate(given).traffic_step == pytest.approx(traffic_step)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"traffic_step": 0.05}, r"traffic_step \(0\.05 s\) must be a multiple of simulation\.step \(0\.02 s\).*0\.04"),
+        ({"step": 0.1, "traffic_step": 0.02}, r"traffic_step \(0\.02 s\) must be a multiple of simulation\.step"),
+        ({"traffic_step": 0.6}, r"traffic_step = 0\.6: input should be less than or equal to 0\.5"),
+        ({"step": -1.0}, r"step = -1\.0: input should be greater"),
+    ],
+)
+def test_a_traffic_step_that_fits_no_step_is_refused(given, said):
+    with pytest.raises(ConfigurationError, match=said):
+        validate(SimulationSettings, given, "somewhere")
 
 
 def test_distribution_that_reaches_zero_is_refused():

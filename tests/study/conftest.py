@@ -1,31 +1,20 @@
 """Small studies of synthetic episodes; worker processes find their functions on the path."""
 
 import importlib
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from in_this_process import InThisProcess
 
-from hj_cosim.errors import HjCosimError
+from hj_cosim.reachability.table.store import kept_table
 from hj_cosim.study.design import StudyDesign, design_of
 from hj_cosim.study.folder import StudyFolder
-from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob, Outcome
+from hj_cosim.study.jobs import Engine, EpisodeFunction
 from hj_cosim.study.request import new_study, resumed_study
 from hj_cosim.study.study import Study, conduct
-
-
-class InThisProcess:
-    """An engine for tests of what is independent of engines."""
-
-    def run(self, jobs: Sequence[EpisodeJob], function: EpisodeFunction) -> Generator[Outcome, None, None]:
-        for job in jobs:
-            try:
-                function(job)
-            except HjCosimError as error:
-                yield Outcome(job, str(error), "its log")
-            else:
-                yield Outcome(job)
 
 
 @pytest.fixture
@@ -60,8 +49,8 @@ def conduct_synthetic(
     synthetic: ModuleType, study_folder: Callable[..., StudyFolder], tmp_path: Path
 ) -> Callable[..., Study]:
     """Conduct a study of synthetic episodes, new or resumed; keyword arguments are fields of its request."""
-    table = tmp_path / "table.npz"
-    table.write_bytes(b"no episode here looks into it")
+    table = replace(kept_table("highway"), path=tmp_path / "table.npz")
+    table.path.write_bytes(b"no episode here looks into it")
 
     def conduct_it(
         name: str,
@@ -77,7 +66,7 @@ def conduct_synthetic(
         folder = StudyFolder.of(place, resumed_study(place, given)) if resume else study_folder(name, **given)
         folder.begin({"hj-cosim": version}, resume=resume)
         tables = dict.fromkeys(folder.tables, table)
-        return conduct(folder, engine or InThisProcess(), function=function, table_files=tables, progress=progress)
+        return conduct(folder, engine or InThisProcess(), function=function, tables=tables, progress=progress)
 
     return conduct_it
 

@@ -11,7 +11,7 @@ from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.jobs import EpisodeJob
 
 SEED_OF_AN_ERROR, SEED_OF_A_CRASH = 1, 2
-STEPS_BEFORE = 160  # that go well: 151 are for settling
+STEPS_BEFORE = 32  # that go well: 31 are for settling
 
 
 def drive_while_sumo_breaks(job: EpisodeJob) -> None:

@@ -71,6 +71,12 @@ def test_a_variation_that_makes_no_sense_is_refused(text, said):
         parse_variation(text)
 
 
+@pytest.mark.parametrize("key", ["planner.kind", "filter.kind", "filter.scheme", "seed"])
+def test_a_setting_that_would_make_a_rows_name_untrue_is_refused(key):
+    with pytest.raises(ConfigurationError, match=f"--set {key}=1: a study sets {key} itself; choose stacks and seeds"):
+        design_study(stacks=PROPOSED, settings=(f"{key}=1",))
+
+
 def test_a_wrong_value_in_a_sweep_names_key_and_value():
     variations = (parse_variation("planner.gamma_r=0.8,1.5"),)
     with pytest.raises(ConfigurationError, match=r"planner\.gamma_r = 1\.5"):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from hj_cosim.cosim.configuration import resolve_config
-from hj_cosim.reachability.table.store import table_path
+from hj_cosim.reachability.table.store import kept_table
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.jobs import EpisodeJob
 from hj_cosim.study.local_workers import LocalWorkers
@@ -23,7 +23,7 @@ def drive_with(small_table, small_specification, tmp_path):
         config = resolve_config("light", assignments=settings)
         folders = {seed: tmp_path / str(workers) / str(seed) for seed in SEEDS}
         jobs = [
-            EpisodeJob(config.model_copy(update={"seed": seed}), table_path(small_specification), folder)
+            EpisodeJob(config.model_copy(update={"seed": seed}), kept_table(str(small_specification)), folder)
             for seed, folder in folders.items()
         ]
         outcomes = list(LocalWorkers(workers).run(jobs, drive_episode))
@@ -53,7 +53,7 @@ def test_workers_resolve_a_planner_of_one_s_own_and_one_that_fails_stops_its_epi
     jobs = [
         EpisodeJob(
             resolve_config("light", flags={"planner": {"kind": f"mine.py:{name}"}}, assignments=settings),
-            table_path(small_specification),
+            kept_table(str(small_specification)),
             tmp_path / name,
         )
         for name in ("Lost", "Keep")

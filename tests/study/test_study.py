@@ -1,6 +1,7 @@
 import importlib
 import re
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,10 +13,28 @@ from hj_cosim.files import UNFINISHED
 from hj_cosim.recording.study_files import read_study_file, study_progress
 from hj_cosim.study.folder import StudyFolder
 from hj_cosim.study.local_workers import LocalWorkers
+from hj_cosim.study.request import given_fields
 from hj_cosim.study.study import new_study_folder, read_study, run_study, write_tables
 from hj_cosim.study.tables import read_csv
 
 A_SWEEP = {"scenarios": ("light", "paper"), "episodes": 2, "vary": ("planner.gamma_r=0.8,0.9",), "stacks": ("op-none",)}
+
+
+def test_files_are_named_by_whole_paths_so_that_a_study_goes_on_from_any_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    given = given_fields(
+        scenarios=["light", "mine.toml", Path("mine.toml")],
+        stacks="mine.py:KeepRight/none",
+        vary=["table=mine.toml, highway", "planner.gamma_r=0.8,0.9"],
+        set=["table=mine.npz", ' table = "mine.toml"', "table=highway", "planner.options.table=mine.toml", "table"],
+    )
+    mine = f"{tmp_path}/mine"
+    assert given == {
+        "scenarios": ("light", f"{mine}.toml", f"{mine}.toml"),
+        "stacks": (f"{mine}.py:KeepRight/none",),
+        "vary": (f"table={mine}.toml,highway", "planner.gamma_r=0.8,0.9"),
+        "set": (f"table={mine}.npz", f"table={mine}.toml", "table=highway", "planner.options.table=mine.toml", "table"),
+    }
 
 
 def test_the_table_has_a_row_per_stack_with_intervals(conduct_synthetic):

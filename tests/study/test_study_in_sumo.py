@@ -51,10 +51,12 @@ def test_every_file_is_the_same_in_this_process_for_two_workers_killed_and_for_t
     assert {"table.csv", "episodes.parquet", "episodes/op-rss-sw/1/trajectories.parquet"} <= files.keys()
     assert sum(name.startswith("episodes/") for name in files) == 4 * 6
 
-    # The command line, killed as soon as it has an episode.
-    arguments = [argument for text in settings for argument in ("--set", text)]
+    # The command line with paths from the current folder, killed as soon as it has an episode.
+    here, table = os.path.relpath(scenario), settings[0].removeprefix("table=")
+    from_here = (f"table={os.path.relpath(table)}", *settings[1:])
+    arguments = [argument for text in from_here for argument in ("--set", text)]
     arguments += [argument for stack in STUDY["stacks"] for argument in ("--stack", stack)]
-    command = [sys.executable, "-m", "hj_cosim", "study", scenario, "--episodes", "2", "--workers", "2", *arguments]
+    command = [sys.executable, "-m", "hj_cosim", "study", here, "--episodes", "2", "--workers", "2", *arguments]
     killed = tmp_path / "killed"
     process = subprocess.Popen([*command, "--out", str(killed)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     while process.poll() is None and not list(killed.glob("episodes/*/*/summary.json")):
@@ -96,8 +98,8 @@ def conduct_in_sumo(few_cars, small_specification, tmp_path):
         tables = {}
         for key, config in folder.tables.items():
             load_table(config.table, robot=config.robot)
-            tables[key] = kept_table(config.table, config.robot).path
-        return conduct(folder, LocalWorkers(1), function=function, table_files=tables)
+            tables[key] = kept_table(config.table, config.robot)
+        return conduct(folder, LocalWorkers(1), function=function, tables=tables)
 
     return conduct_it
 

@@ -26,10 +26,13 @@ def test_the_decisions_are_those_on_the_sorted_arrays_put_back_in_place():
     length = np.full(count, 5.0)
     mobil = mobil_parameters(0.0, 0.2, 2.0)
     order = np.arange(count)
-    wanted = wanted_lanes(order, deciding, DrivingCars(position, speed, lane, lane, length, drivers), mobil, 4)
+    usable = np.column_stack([random.integers(0, 2, count), random.integers(2, 4, count)])
+    wanted = wanted_lanes(order, deciding, DrivingCars(position, speed, lane, lane, length, drivers), mobil, usable)
     by_position = np.argsort(position)
     expected = lane_decisions(
-        *(part[by_position] for part in (deciding, position, speed, lane, lane, length, drivers)), mobil, 4
+        *(part[by_position] for part in (deciding, position, speed, lane, lane, length, drivers)),
+        mobil,
+        usable[by_position],
     )
     np.testing.assert_array_equal(wanted[by_position], expected)
     assert (wanted != lane).sum() > 3

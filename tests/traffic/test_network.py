@@ -9,7 +9,7 @@ import pytest
 from hj_cosim.errors import NetworkError, SimulationError
 from hj_cosim.locations import scenarios_folder
 from hj_cosim.settings import NetworkSettings, RobotSettings, RobotStart, Scenario, TrafficSettings
-from hj_cosim.traffic import network
+from hj_cosim.traffic import net_file
 from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.sources.scenarios import network_path
 from hj_cosim.traffic.sumo.world import SumoWorld
@@ -204,9 +204,9 @@ def test_a_packed_network_is_the_same_road_to_us_and_to_sumo(tmp_path):
 
 
 def test_a_packed_network_that_unpacks_to_far_too_much_is_refused_before_it_is_in_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr(network, "LARGEST_NETWORK", 2 * network.READ_AT_ONCE)
+    monkeypatch.setattr(net_file, "LARGEST_NETWORK", 2 * net_file.READ_AT_ONCE)
     path = tmp_path / "bomb.net.xml.gz"
-    path.write_bytes(gzip.compress(b'<net version="1.20">' + b" " * 8 * network.READ_AT_ONCE))
+    path.write_bytes(gzip.compress(b'<net version="1.20">' + b" " * 8 * net_file.READ_AT_ONCE))
     assert path.stat().st_size < 50_000
     with pytest.raises(NetworkError, match=r"bomb\.net\.xml\.gz is too large; 2 MB of network is the most"):
         read_road(path, "main")

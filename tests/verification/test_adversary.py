@@ -34,7 +34,7 @@ def test_a_search_hits_more_often_than_as_many_draws(small_table):
     drawn = search(small_table, FilterSettings(), population=240, elite=6, generations=1, **fair)
     searched = search(small_table, FilterSettings(), population=40, elite=6, generations=6, **fair)
     assert drawn.rollouts == searched.rollouts
-    assert searched.collided > drawn.collided > 0
+    assert searched.entered > drawn.entered > 0
 
 
 def test_without_an_escape_kept_the_search_enters_more_often(small_table):

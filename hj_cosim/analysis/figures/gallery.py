@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 
 from hj_cosim.analysis.figures import control_sets as control_sets_figure
 from hj_cosim.analysis.figures.density_sweep import PANELS, density_sweep
+from hj_cosim.analysis.figures.drive_map import drive_map
 from hj_cosim.analysis.figures.highway import highway
 from hj_cosim.analysis.figures.planner_comparison import planner_comparison
 from hj_cosim.analysis.figures.schematic import boxed_in, schematic
@@ -26,7 +27,7 @@ from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.run_folder import CONFIG, Run, read_config, read_run
 from hj_cosim.recording.study_files import EPISODES, TABLE, WINDOWS
 from hj_cosim.settings import RobotSettings, Scenario, read_toml, validate
-from hj_cosim.traffic.network import read_road
+from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.placement import density
 from hj_cosim.traffic.sources.scenarios import network_path
 
@@ -69,6 +70,7 @@ FIGURES: Mapping[str, FigureKind] = {
     "planner-comparison": FigureKind("table", "plans of OP and HJOP, and the next two steps", planner_comparison),
     "highway": FigureKind("run", "a moment from above, cars in the colours of their values", highway, True),
     "snapshots": FigureKind("run", "the drive from above at evenly spaced times", snapshots),
+    "drive-map": FigureKind("run", "the network from above, and the drive in the colours of its speed", drive_map),
     "timeline": FigureKind("run", "speed, value, TTC, lane and interventions over time", timeline),
     "value-along-drive": FigureKind("run", "the values and places of the cars over time", value_along_drive, True),
     "control-sets": FigureKind(
@@ -140,7 +142,7 @@ def scenario_densities(study: Path) -> dict[str, float]:
     for path in sorted(study.glob(f"{EPISODES}/**/{CONFIG}")):
         scenario = validate(Scenario, read_config(path.parent)["scenario"], str(path))
         if scenario.name not in densities:
-            road = read_road(network_path(scenario.network), scenario.network.edge)
+            road, _ = read_network(network_path(scenario.network), scenario.network)
             densities[scenario.name] = density(scenario.traffic, road.lane_count)
     return densities
 

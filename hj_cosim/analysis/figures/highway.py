@@ -8,6 +8,7 @@ from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.road_view import body_corners, draw_cars, draw_scene, scene_rows
 from hj_cosim.analysis.figures.value_plot import value_colours, value_scale
 from hj_cosim.analysis.values import car_values
+from hj_cosim.analysis.view import View, height_of
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.run_folder import Run
 
@@ -28,21 +29,20 @@ def highway(run: Run, table: ValueTable, time: float | None = None) -> style.Dra
     values = car_values(record, table)[sample]
     traffic = record.traffic
     with style.house_style():
-        figure = Figure(figsize=(style.PAGE_WIDTH, 1.7), layout="constrained")
+        height = height_of(record.road, record.robot.x[sample : sample + 1], BEHIND, AHEAD)
+        # Of a bend the road takes more height; the rest is for the axis and the title.
+        inches = 1.7 if record.road.is_straight else 0.9 + style.PAGE_WIDTH * np.ptp(height) / (BEHIND + AHEAD)
+        figure = Figure(figsize=(style.PAGE_WIDTH, inches), layout="constrained")
         axes = figure.subplots()
-        seen = draw_scene(axes, record, sample, BEHIND, AHEAD)
-        corners = body_corners(
-            traffic.x[sample, seen],
-            traffic.y[sample, seen],
-            traffic.heading[sample, seen],
-            traffic.length[seen],
-            traffic.width[seen],
-        )
+        seen = draw_scene(axes, record, sample, BEHIND, AHEAD, height)
+        columns = (traffic.x[sample, seen], traffic.y[sample, seen], traffic.heading[sample, seen])
+        x, y, heading = View(record.road, float(record.robot.x[sample])).place(*columns)
+        corners = body_corners(x, y, heading, traffic.length[seen], traffic.width[seen])
         draw_cars(axes, corners, value_colours(values[seen]), zorder=4.0)
-        for car in seen[np.abs(values[seen]) < 100.0]:
+        for place in np.flatnonzero(np.abs(values[seen]) < 100.0):
             axes.annotate(
-                f"{values[car]:.0f}",
-                (traffic.x[sample, car], traffic.y[sample, car] + 0.5 * traffic.width[car]),
+                f"{values[seen[place]]:.0f}",
+                (x[place], y[place] + 0.5 * traffic.width[seen[place]]),
                 fontsize=6,
                 ha="center",
                 va="bottom",

@@ -3,30 +3,35 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Polygon
 
 from hj_cosim.analysis.figures import style
+from hj_cosim.analysis.view import View, height_of, stretches
 from hj_cosim.recording.record import RunRecord
-from hj_cosim.scene.road import Road
 
 
-def draw_road(axes: Axes, road: Road, start: float, stop: float) -> None:
-    """Draw the road between two arc lengths (m), at one scale in both directions, and hide the axes' frame."""
-    lines = road.lane_lines(start)
-    low, high = lines[0], lines[-1]
-    axes.add_patch(Rectangle((start, low), stop - start, high - low, facecolor=style.ASPHALT, zorder=0))
-    for line in lines:
-        edge = line in (low, high)
-        axes.hlines(
-            line,
-            start,
-            stop,
-            color=style.GREY if edge else style.LANE_LINE,
-            linewidth=1.2 if edge else 0.8,
-            linestyle="-" if edge else (0, (6, 6)),
-            zorder=1,
-        )
-    axes.set(xlim=(start, stop), ylim=(low - 0.8, high + 0.8), yticks=[], aspect="equal")
+def draw_road(axes: Axes, view: View, start: float, stop: float, height: tuple[float, float]) -> None:
+    """Draw the road between two s (m), at one scale in both directions, and hide the axes' frame.
+
+    Args:
+        axes: where to.
+        view: how the road is looked at.
+        start, stop: m.
+        height: the lowest and the highest y of its lines, m, that the picture is to hold.
+    """
+    for along, lines in stretches(view.road, start, stop):
+        sides = [view.points(np.column_stack([along, np.full(len(along), line)])) for line in lines]
+        axes.add_patch(Polygon(np.vstack([sides[0], sides[-1][::-1]]), facecolor=style.ASPHALT, zorder=0))
+        for number, side in enumerate(sides):
+            edge = number in (0, len(sides) - 1)
+            axes.plot(
+                *side.T,
+                color=style.GREY if edge else style.LANE_LINE,
+                linewidth=1.2 if edge else 0.8,
+                linestyle="-" if edge else (0, (6, 6)),
+                zorder=1,
+            )
+    axes.set(xlim=(start, stop), ylim=(height[0] - 0.8, height[1] + 0.8), yticks=[], aspect="equal")
     axes.grid(False)
     axes.spines[:].set_visible(False)
 
@@ -64,30 +69,32 @@ def draw_robot(axes: Axes, x: float, y: float, heading: float, length: float, wi
     axes.fill(turned[:, 0], turned[:, 1], color="white", zorder=6.0, linewidth=0)
 
 
-def draw_scene(axes: Axes, record: RunRecord, sample: int, behind: float, ahead: float) -> np.ndarray:
+def draw_scene(
+    axes: Axes, record: RunRecord, sample: int, behind: float, ahead: float, height: tuple[float, float] | None = None
+) -> np.ndarray:
     """Draw one sample of a run, from `behind` m behind the robot to `ahead` m ahead of it.
+
+    Args:
+        axes: where to.
+        record, sample: of what.
+        behind, ahead: m of s.
+        height: the lowest and the highest y of the road, m; of this sample's picture if left out.
 
     Returns:
         (K,) the numbers of the cars in view.
     """
     robot, traffic = record.robot, record.traffic
     start, stop = robot.x[sample] - behind, robot.x[sample] + ahead
-    draw_road(axes, record.road, start, stop)
+    view = View(record.road, float(robot.x[sample]))
+    draw_road(axes, view, start, stop, height or height_of(record.road, robot.x[sample : sample + 1], behind, ahead))
     reach = 0.5 * traffic.length
     x = traffic.x[sample]
     seen = np.flatnonzero(traffic.present[sample] & (x > start - reach) & (x < stop + reach))
-    corners = body_corners(
-        x[seen], traffic.y[sample, seen], traffic.heading[sample, seen], traffic.length[seen], traffic.width[seen]
-    )
-    draw_cars(axes, corners)
-    draw_robot(
-        axes,
-        robot.x[sample],
-        robot.y[sample],
-        robot.heading[sample],
-        record.robot_length,
-        record.robot_width,
-    )
+    places = view.place(x[seen], traffic.y[sample, seen], traffic.heading[sample, seen])
+    draw_cars(axes, body_corners(*places, traffic.length[seen], traffic.width[seen]))
+    own = view.place(*(column[sample : sample + 1] for column in (robot.x, robot.y, robot.heading)))
+    x_0, y_0, heading = (float(column[0]) for column in own)
+    draw_robot(axes, x_0, y_0, heading, record.robot_length, record.robot_width)
     return seen
 
 

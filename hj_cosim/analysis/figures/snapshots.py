@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.road_view import draw_scene, scene_rows
+from hj_cosim.analysis.view import View, height_of
 from hj_cosim.recording.record import RunRecord
 from hj_cosim.recording.run_folder import Run
 
@@ -21,14 +22,15 @@ def snapshots(run: Run) -> style.Drawing:
     samples = np.unique(np.linspace(0, len(record.time) - 1, SNAPSHOTS).round().astype(int))
     rows = []
     with style.house_style():
-        road_height = (np.ptp(record.road.lane_lines(0.0)) + 2.0) / (BEHIND + AHEAD)
+        height = height_of(record.road, record.robot.x[samples], BEHIND, AHEAD)
+        road_height = (height[1] - height[0] + 2.0) / (BEHIND + AHEAD)
         figure = Figure(
             figsize=(style.PAGE_WIDTH, len(samples) * (style.PAGE_WIDTH * road_height + 0.24) + 0.4),
             layout="constrained",
         )
         panels = np.atleast_1d(figure.subplots(len(samples), 1))
         for axes, sample in zip(panels, samples, strict=True):
-            seen = draw_scene(axes, record, sample, BEHIND, AHEAD)
+            seen = draw_scene(axes, record, sample, BEHIND, AHEAD, height)
             _draw_trace(axes, record, sample)
             axes.set_title(_caption(record, sample), pad=2, fontsize=8)
             axes.set_xticks([])
@@ -50,9 +52,9 @@ def _caption(record: RunRecord, sample: int) -> str:
 
 def _draw_trace(axes: Axes, record: RunRecord, sample: int) -> None:
     near = np.abs(record.time - record.time[sample]) <= TRACE_TIME
-    axes.plot(
-        record.robot.x[near], record.robot.y[near], color=style.ROBOT, linewidth=1.2, linestyle=(0, (3, 2)), zorder=2
-    )
+    way = np.column_stack([record.robot.x[near], record.robot.y[near]])
+    x, y = View(record.road, float(record.robot.x[sample])).points(way).T
+    axes.plot(x, y, color=style.ROBOT, linewidth=1.2, linestyle=(0, (3, 2)), zorder=2)
 
 
 def _draw_scale(axes: Axes, start: float) -> None:

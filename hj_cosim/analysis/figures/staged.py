@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 
 from hj_cosim.analysis.figures.road_view import body_corners, draw_cars, draw_road, draw_robot
 from hj_cosim.analysis.values import value_field
+from hj_cosim.analysis.view import View
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation
 from hj_cosim.scene.road import Road, StraightRoad
@@ -73,7 +74,8 @@ class Situation:
 
     def draw(self, axes: Axes, start: float, stop: float, car_colours: object) -> None:
         """Draw the road between two arc lengths (m), the cars and the robot."""
-        draw_road(axes, self.road, start, stop)
+        lines = self.road.lane_lines(start)
+        draw_road(axes, View(self.road, start), start, stop, (float(lines[0]), float(lines[-1])))
         sizes = np.full(len(self.x), CAR_LENGTH), np.full(len(self.x), CAR_WIDTH)
         draw_cars(axes, body_corners(self.x, self.y, np.zeros(len(self.x)), *sizes), car_colours)
         draw_robot(axes, self.robot[0], self.robot[1], self.robot[2], CAR_LENGTH, CAR_WIDTH)

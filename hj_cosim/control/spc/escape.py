@@ -40,6 +40,7 @@ from hj_cosim.settings import RobotSettings
 RESERVE = 0.2
 # m of V. Cars with more are not looked at: so far above the bound no table is between its nodes.
 HIGHEST = 10.0
+STRAIGHT = 1e-3  # rad; what a step's rounding leaves of a heading does not count as turning
 PASSED, ESCAPING, NO_ESCAPE = 0, 1, 2  # verdicts
 NO_MANOEUVRE = -1
 
@@ -144,6 +145,19 @@ def _is_in_target_set(manoeuvres: Manoeuvres, robot: np.ndarray, others: np.ndar
 
 
 @njit(cache=True)
+def _follows_too_closely(manoeuvres: Manoeuvres, robot: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether a car, (3,) p_x, p_y, v, is behind where it does not do its duty: no manoeuvre is bound by that.
+
+    To brake for it, as for who is ahead, would only bring it nearer.
+    """
+    game = manoeuvres.game
+    p_x, p_y = robot[0] - other[0], robot[1] - other[1]
+    if not (game.other.responsible and p_x > game.target.length):
+        return False
+    return target_at(game.target, p_x, p_y, robot[2], robot[3], other[2]) <= 0.0
+
+
+@njit(cache=True)
 def _first_control(
     manoeuvres: Manoeuvres, which: int, heading: float, speed: float, step: float
 ) -> tuple[float, float]:
@@ -151,7 +165,7 @@ def _first_control(
     game = manoeuvres.game
     omega_max, rest = turning_max(game, speed), manoeuvres.heading[which] - heading
     # Among cars that do their duties every manoeuvre ends in braking straight on, as the first one begins.
-    ended = game.other.responsible and rest == 0.0
+    ended = game.other.responsible and abs(rest) <= STRAIGHT
     acceleration = manoeuvres.acceleration[0 if ended else which]
     return min(max(rest / step, -omega_max), omega_max), acceleration
 
@@ -211,7 +225,9 @@ def keep_escape(
     paths, minded = room_for_paths(manoeuvres), in_k.copy()
     after = Start(robot[2], robot[3], omega, acceleration, step)
     for j in range(len(others)):
-        if not minded[j]:
+        if _follows_too_closely(manoeuvres, robot, others[j]):
+            minded[j] = False
+        elif not minded[j]:
             minded[j] = not _escapes_from_one(manoeuvres, after, paths, robot, others[j])
     if not minded.any():
         return omega, acceleration, PASSED, NO_MANOEUVRE

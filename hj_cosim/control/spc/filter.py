@@ -75,6 +75,7 @@ class SafetyPreservingFilter:
 
     def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
         """Return the control nearest to the desired one under which no V in K falls; see SafetyFilter."""
+        observation = observation.as_cars  # what V is of
         available = self._available(observation.robot)
         rows: SafetyRows | None = NO_ROWS
         if values.least <= self._bound:

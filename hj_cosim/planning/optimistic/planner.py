@@ -1,12 +1,12 @@
 """The planners OP and HJOP: optimistic planning with the paper's reward, without and with the HJI term."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.planning.contract import ACTION_COUNT, Plan, PlanStatistics, PredictedTrajectory
+from hj_cosim.planning.optimistic.lane_ends import with_lane_ends, with_road_ahead
 from hj_cosim.planning.optimistic.prediction import (
     LANE,
     LATERAL,
@@ -26,11 +26,10 @@ from hj_cosim.planning.optimistic.tree_search import (
     Tree,
     empty_tree,
     outermost_lanes,
-    roll_out,
     search,
 )
 from hj_cosim.reachability.table.table import ValueTable
-from hj_cosim.scene.observation import Observation, Target
+from hj_cosim.scene.observation import NOBODY, Observation, Target
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 from hj_cosim.vehicles.idm import mean_driver
@@ -52,6 +51,8 @@ def prediction_model(
         drivers=np.tile(driver, (vehicles, 1)),
         mobil=mobil_parameters(drivers.politeness, drivers.gain_threshold, drivers.safe_braking),
         lane_count=road.lane_count,
+        first_lane=0,
+        stop_lane=road.lane_count,
         lane_width=road.lane_width,
         steps=steps,
         step=step,
@@ -91,7 +92,13 @@ class OptimisticPlanner:
         self._table = table.arrays
         self._weights = reward_model(settings, road)
         self._actions = ActionModel(
-            settings.discount, settings.speed_step, settings.speed_floor, settings.speed_high, settings.expansions
+            settings.discount,
+            settings.speed_step,
+            settings.speed_floor,
+            settings.speed_high,
+            settings.expansions,
+            lowest_lane=0,
+            highest_lane=road.lane_count - 1,
         )
         self._make_room(1)
 
@@ -116,7 +123,12 @@ class OptimisticPlanner:
         Raises:
             ConfigurationError: if the budget is too large for so many cars (LARGEST_TREE).
         """
+        observation = with_lane_ends(observation, self._road, self._settings.sensing_range)
         cars, bodies = self._enter(observation)
+        if not self._road.is_straight:
+            self._prediction, self._actions = with_road_ahead(
+                self._prediction, self._actions, self._road, observation, self._settings.sensing_range
+            )
         self._plant_root(self._tree, observation, cars, previous)
         action_values = np.empty(ACTION_COUNT)
         nodes, expansions, best = search(
@@ -149,20 +161,6 @@ class OptimisticPlanner:
         along, lateral, _, speed = observation.robot.tolist()
         self.plan(observation, Target(self._road.lane_at(lateral, along), speed))
 
-    def predict(self, observation: Observation, previous: Target, actions: Sequence[int]) -> PredictedTrajectory:
-        """Return what the model expects of a given sequence of actions.
-
-        Args:
-            observation, previous: as for `plan`.
-            actions: one for each action time; that they exist is not checked.
-        """
-        cars, bodies = self._enter(observation)
-        tree = empty_tree(max(len(actions), 1), len(cars) + 1)
-        self._plant_root(tree, observation, cars, previous)
-        chosen = np.array(actions, dtype=np.int64)
-        roll_out(tree, chosen, self._scene, bodies, self._prediction, self._settings.speed_step)
-        return self._trajectory(tree, np.arange(len(actions) + 1), observation, cars)
-
     def _enter(self, observation: Observation) -> tuple[np.ndarray, np.ndarray]:
         """Return the indices of the cars that enter the tree, and the bodies (J + 1, 2) of all, the robot's first."""
         cars = self._sensed(observation)
@@ -192,7 +190,7 @@ class OptimisticPlanner:
         planned_speed = min(max(previous.speed, speed - settings.speed_window), speed + settings.speed_window)
         root = tree.nodes[ROOT]
         root["parent"], root["depth"], root["value"], root["heading"] = ROOT, 0, 0.0, heading
-        root["planned_lane"] = min(max(previous.lane, 0), road.lane_count - 1)
+        root["planned_lane"] = min(max(previous.lane, self._actions.lowest_lane), self._actions.highest_lane)
         root["planned_speed"] = min(max(planned_speed, settings.speed_floor), settings.speed_high)
         noticed = noticed_lanes(float(y), self._prediction)
         lowest, highest = outermost_lanes(noticed or 1 << road.lane_at(y, x), road.lane_count)
@@ -213,6 +211,9 @@ class OptimisticPlanner:
         order = np.argsort(tree.place[path, VEHICLE], axis=1)
         state = np.take_along_axis(tree.state[path], order[:, np.newaxis], axis=2).astype(np.float64)
         position, speed, lateral = state[:, POSITION] + observation.robot[0], state[:, SPEED], state[:, LATERAL]
+        # Obstacles at the ends of lanes are no cars.
+        shown = np.append(0, 1 + np.flatnonzero(observation.vehicle[cars] != NOBODY))
+        position, speed, lateral, cars = position[:, shown], speed[:, shown], lateral[:, shown], cars[shown[1:] - 1]
         return PredictedTrajectory(
             time=self._settings.action_time * np.arange(len(path)),
             action=nodes["action"][1:],

@@ -60,6 +60,8 @@ class PredictionModel(NamedTuple):
     drivers: np.ndarray
     mobil: np.ndarray  # (3,) MOBIL's parameters
     lane_count: int
+    first_lane: int  # the lanes that there are near the robot, to which others may change
+    stop_lane: int  # and the one after the last of them
     lane_width: float  # m
     steps: int  # K, car-following steps in one action
     step: float  # s
@@ -174,7 +176,7 @@ def wanted_lane(car: int, ahead: np.ndarray, vehicles: Vehicles, model: Predicti
     wanted, best = here, 0.0
     now = acceleration_behind(ahead[here], car, vehicles, model.driver)
     for target in (here + 1, here - 1):  # the left first: it wins a tie
-        if target < 0 or target >= model.lane_count:
+        if target < model.first_lane or target >= model.stop_lane:
             continue
         if mobil[POLITENESS] == 0.0:
             gain = acceleration_behind(ahead[target], car, vehicles, model.driver) - now

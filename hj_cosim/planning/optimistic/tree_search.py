@@ -42,6 +42,7 @@ from hj_cosim.planning.optimistic.prediction import (
 )
 from hj_cosim.planning.optimistic.reward import RewardModel, total_reward
 from hj_cosim.reachability.table.lookup import TableArrays, shift_of_grid, value_at
+from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH, to_nearest_part
 
 # Of each action, in the order of planning.contract.
 LANE_CHANGE = (0, 0, 0, 1, -1)
@@ -73,6 +74,8 @@ class ActionModel(NamedTuple):
     speed_floor: float  # m/s
     speed_high: float  # m/s
     expansions: int  # the budget
+    lowest_lane: int  # that the robot may plan for
+    highest_lane: int
 
 
 class PlannedState(NamedTuple):
@@ -143,7 +146,9 @@ def search(
         for action in range(ACTION_COUNT):
             lane = nodes[node].planned_lane + LANE_CHANGE[action]
             speed = nodes[node].planned_speed + SPEED_CHANGE[action] * actions.speed_step
-            if not (0 <= lane < prediction.lane_count and actions.speed_floor <= speed <= actions.speed_high):
+            if not actions.lowest_lane <= lane <= actions.highest_lane:
+                continue
+            if not actions.speed_floor <= speed <= actions.speed_high:
                 continue
             if not may_change_lane(LANE_CHANGE[action], off_centre, prediction.lane_width):
                 continue
@@ -151,7 +156,9 @@ def search(
             child = nodes[count]
             worst = math.inf
             if weights.gamma_r < 1.0:
-                worst = worst_value(tree.state[count], robot, child.heading, table, weights.value_clip)
+                worst = worst_value(
+                    tree.state[count], tree.place[count], bodies, robot, child.heading, table, weights.value_clip
+                )
             child.value = nodes[node].value + weight * total_reward(speed, lane, crashed, worst, weights)
             child.first_action = action if node == ROOT else nodes[node].first_action
             action_values[child.first_action] = max(action_values[child.first_action], child.value)
@@ -162,26 +169,6 @@ def search(
                 leaves = push_leaf(tree.bound, tree.leaf, nodes, leaves, count, bound)
             count += 1
     return count, expansions, best
-
-
-@njit(cache=True, error_model="numpy")
-def roll_out(
-    tree: Tree, chosen: np.ndarray, scene: Scene, bodies: np.ndarray, prediction: PredictionModel, speed_step: float
-) -> None:
-    """Predict a sequence of actions from the root: node d + 1 is what the d-th action leads to.
-
-    Args:
-        tree: whose node 0 is the root; as many more nodes are written as there are actions.
-        chosen: (D,) int64, the actions; it is the caller's business that they exist.
-        scene, bodies, prediction: as for `search`.
-        speed_step: m/s.
-    """
-    for node in range(len(chosen)):
-        action = chosen[node]
-        lane = tree.nodes[node].planned_lane + LANE_CHANGE[action]
-        speed = tree.nodes[node].planned_speed + SPEED_CHANGE[action] * speed_step
-        robot = open_node(tree, node, scene, bodies, prediction)
-        add_child(tree, node, node + 1, PlannedState(action, lane, speed), scene, robot, prediction)
 
 
 @njit(cache=True, error_model="numpy")
@@ -291,7 +278,15 @@ def outermost_lanes(lanes: int, lane_count: int) -> tuple[int, int]:
 
 
 @njit(cache=True, error_model="numpy")
-def worst_value(state: np.ndarray, robot: int, heading: float, table: TableArrays, clip: float) -> float:
+def worst_value(
+    state: np.ndarray,
+    place: np.ndarray,
+    bodies: np.ndarray,
+    robot: int,
+    heading: float,
+    table: TableArrays,
+    clip: float,
+) -> float:
     """Return min_j V at a node's relative states, m; +inf where no car is within the table's grid.
 
     Stops at −clip: nothing below it changes the reward.
@@ -301,8 +296,9 @@ def worst_value(state: np.ndarray, robot: int, heading: float, table: TableArray
     rear, right = lower[0], lower[1]
     front, left = rear + (shape[0] - 1) / inverse_spacing[0], right + (shape[1] - 1) / inverse_spacing[1]
     for car in range(state.shape[1]):
-        p_x = float(state[POSITION, robot] - state[POSITION, car])
-        p_y = float(state[LATERAL, robot] - state[LATERAL, car])
+        vehicle = place[VEHICLE, car]
+        p_x = to_nearest_part(float(state[POSITION, robot] - state[POSITION, car]), bodies[vehicle, 0], CAR_LENGTH)
+        p_y = to_nearest_part(float(state[LATERAL, robot] - state[LATERAL, car]), bodies[vehicle, 1], CAR_WIDTH)
         # Most cars of a large scene are beyond the grid: they need not be looked up to be told so.
         v_r, v_o = float(state[SPEED, robot]), float(state[SPEED, car])
         if car == robot or not (right <= p_y <= left and rear <= p_x - shift_of_grid(table, v_r, v_o) <= front):

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from hj_cosim.errors import ConfigurationError
+from hj_cosim.locations import code_file
 from hj_cosim.reachability.games import air3d, double_integrator
 from hj_cosim.reachability.games.contract import Game
 from hj_cosim.reachability.games.highway import game as highway
@@ -40,7 +41,7 @@ def find_game(name: str, folder: Path | None = None) -> Game:
                 f"dynamics = {name!r}: choose one of {', '.join(known)}, or give a path to a .py file"
             )
         return known[name]
-    path = ((folder or Path()) / Path(name).expanduser()).resolve()
+    path = code_file(((folder or Path()) / Path(name).expanduser()).resolve())
     if not path.is_file():
         raise ConfigurationError(f"dynamics = {name!r}: there is no file {path}")
     place = hashlib.sha256(str(path).encode()).hexdigest()[:16]  # two files of one name are two modules

@@ -27,6 +27,8 @@ What else a game may have, and need not:
 - `target_formula`, V(0, ·) with slopes at one state: look-ups then interpolate what the game adds to it;
 - `manoeuvres`, which judge states without a grid;
 - `of_pair`, what of a specification is the robot's and the other car's.
+
+`hj_cosim.testing.check_game` tries all of it.
 """
 
 from collections.abc import Callable, Mapping
@@ -268,7 +270,12 @@ def pointer(function: StateFunction, signature: Any) -> Any:
     try:
         return cfunc(signature, cache=True, fastmath=FLOATING_POINT, error_model="numpy")(source)
     except NumbaError as error:
-        reason = str(error).strip().splitlines()[-1]
         raise ConfigurationError(
-            f"{source.__code__.co_filename}: {source.__name__} does not compile: {reason}"
+            f"{source.__code__.co_filename}: {source.__name__} does not compile: {compiler_says(error)}"
         ) from error
+
+
+def compiler_says(error: NumbaError) -> str:
+    """Return the one of Numba's many lines that says what is wrong."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return next((line for line in lines if not line.startswith("Failed in ")), type(error).__name__)

@@ -18,8 +18,9 @@ def car_values(table: ValueTable, observation: Observation) -> CarValues:
 
     Args:
         table: V over (p_x, p_y, θ_r, v_r, v_o).
-        observation: finite or not; where it is not, nor is any value.
+        observation: finite or not; where it is not, nor is any value. See Observation.as_cars for larger vehicles.
     """
+    observation = observation.as_cars
     value, gradient, least, nearest = _car_values(
         table.arrays, observation.robot, observation.x, observation.y, observation.heading, observation.speed
     )

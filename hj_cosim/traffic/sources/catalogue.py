@@ -1,5 +1,6 @@
 """Showing scenarios: the list of those that exist, and a template and a schema to write one's own from."""
 
+import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,7 @@ from hj_cosim.settings import (
     TrafficSettings,
     explanation,
 )
-from hj_cosim.traffic.network import read_road
+from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.placement import density, stream_speed
 from hj_cosim.traffic.sources.scenarios import load_scenario, network_path, scenario_names, scenario_path
 
@@ -26,6 +27,10 @@ _TABLES: dict[str, type[Settings]] = {
     "drivers": DriverSettings,
     "robot": RobotStart,
 }
+
+
+# Of keys without a default, what stands in the template.
+_EXAMPLES = {"route": ["e0", "e1"], "from_edge": "e0", "to_edge": "e1"}
 
 
 @dataclass(frozen=True)
@@ -52,7 +57,7 @@ def list_scenarios() -> list[ScenarioEntry]:
 
 def _entry(name: str) -> ScenarioEntry:
     scenario = load_scenario(name)
-    road = read_road(network_path(scenario.network, scenario_path(name).parent), scenario.network.edge)
+    road, _ = read_network(network_path(scenario.network, scenario_path(name).parent), scenario.network)
     drawn = not scenario.is_hand_made
     return ScenarioEntry(
         name=name,
@@ -85,6 +90,12 @@ def scenario_template() -> str:
         lines += [_line(name, field) for name, field in settings.model_fields.items()]
     lines += [
         "",
+        "# Cars that come during the drive, where the road is a route: repeat the table.",
+        "# [[streams]]",
+        '# from_edge = "e0"',
+        '# to_edge = "e1"',
+        "# flow = 900.0  # cars/h",
+        "",
         "# Cars at places of your own, beside the drawn ones: repeat the table. With traffic.count = 0 and",
         "# traffic.count_behind = 0 there are only these, and nothing settles before the robot takes over.",
         "# [[cars]]",
@@ -100,7 +111,7 @@ def _line(name: str, field: FieldInfo) -> str:
     value = field.default
     comment = f"  # {explanation(field)}"
     if value is None:  # TOML has no null: shown, but commented out
-        return f"# {name} = 13.5{comment}"
+        return f"# {name} = {json.dumps(_EXAMPLES.get(name, 13.5))}{comment}"
     if isinstance(value, NormalDistribution):
         parts = ", ".join(f"{key} = {number}" for key, number in value.model_dump().items())
         return f"{name} = {{ {parts} }}{comment}"

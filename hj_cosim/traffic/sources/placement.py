@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,8 @@ from hj_cosim.vehicles.idm import (
 
 # What is left free behind the last car and the robot, so that nobody's rear sticks out of the road (m).
 REAR_MARGIN = 50.0
+# Nobody is put into a lane that ends within this (m): who starts at full speed could not leave it in time.
+ENDING_SOON = 300.0
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,8 @@ def initial_traffic(scenario: Scenario, road: Road, robot: RobotSettings, seed: 
             f"scenario {scenario.name}: robot.lane = {scenario.robot.lane}, but the road has lanes 0 to"
             f" {road.lane_count - 1}"
         )
-    x, lane = _places(scenario, road.lane_count, places)
+    scenario = filled(scenario, road)
+    x, lane = _places(scenario, road, places)
     drawn = len(x)
     drivers = draw_drivers(scenario, drawn + len(scenario.cars), people)
     wanted = places.uniform(scenario.traffic.speed_low, scenario.traffic.speed_high, drawn)
@@ -84,7 +88,7 @@ def initial_traffic(scenario: Scenario, road: Road, robot: RobotSettings, seed: 
     x = np.append(x, [car.x for car in scenario.cars])
     lane = np.append(lane, [car.lane for car in scenario.cars]).astype(np.int64)
     wanted = np.append(wanted, [car.speed for car in scenario.cars])
-    start = REAR_MARGIN + max(0.0, -x.min(initial=0.0))
+    start = REAR_MARGIN + max(0.0, -x.min(initial=0.0)) if road.is_straight else _start_on_route(scenario, road)
     _check_room(scenario, road, robot, x, lane, start)
 
     everyone = np.vstack([drivers, robot_driver(scenario.drivers, scenario.robot.speed)])
@@ -98,6 +102,22 @@ def initial_traffic(scenario: Scenario, road: Road, robot: RobotSettings, seed: 
     )
     robot_state = np.array([start, road.lane_centre(scenario.robot.lane, start), 0.0, speed[-1]])
     return InitialTraffic(x + start, lane, speed[:-1], drivers, robot_state)
+
+
+def filled(scenario: Scenario, road: Road) -> Scenario:
+    """Return the scenario itself; on a closed road, with as many cars as its density asks for, half of them ahead."""
+    if not road.lap or scenario.is_hand_made:
+        return scenario
+    half = max(round(0.5 * road.lap / mean_spacing(scenario.traffic, road.lane_count)) - 1, 1)
+    traffic = scenario.traffic.model_copy(update={"count": half, "count_behind": half})
+    return scenario.model_copy(update={"traffic": traffic})
+
+
+def _start_on_route(scenario: Scenario, road: Road) -> float:
+    """Return where the robot starts, m of s: with room for those behind it, however they are drawn."""
+    traffic = scenario.traffic
+    drawn = traffic.count_behind * mean_spacing(traffic, road.lane_count) * (1.0 + traffic.spacing_jitter)
+    return REAR_MARGIN + max(drawn, -min((car.x for car in scenario.cars), default=0.0))
 
 
 def draw_drivers(scenario: Scenario, count: int, random: np.random.Generator) -> np.ndarray:
@@ -118,33 +138,58 @@ def truncated_normal(distribution: NormalDistribution, count: int, random: np.ra
     return distribution.mean + distribution.deviation * deviations
 
 
-def _places(scenario: Scenario, lane_count: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _places(scenario: Scenario, road: Road, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Return x relative to the robot (m) and the lane of every drawn car: those ahead, then those behind."""
-    traffic = scenario.traffic
+    traffic, lane_count = scenario.traffic, road.lane_count
+    start = 0.0 if road.is_straight else _start_on_route(scenario, road)
     spacing = mean_spacing(traffic, lane_count)
     least = _gap_at(0.5 * stream_speed(scenario, lane_count), mean_driver(scenario.drivers)) + CAR_LENGTH
     nearest = np.full(lane_count, -math.inf)
     # The robot has the room ahead that a car of the stream has on average: otherwise a close leader in its lane would
     # decide how the episode begins.
     nearest[scenario.robot.lane] = max(spacing * lane_count - least, 0.0)
-    ahead = _one_direction(traffic.count, spacing, traffic.spacing_jitter, least, nearest, random)
+    spacings = (spacing, traffic.spacing_jitter, least)
+    ahead = _one_direction(traffic.count, spacings, nearest, lambda x: _lanes_that_last(road, start + x), random)
     nearest = np.full(lane_count, math.inf)
     for x, lane in zip(*ahead, strict=True):
         nearest[lane] = min(nearest[lane], x)
     nearest[scenario.robot.lane] = 0.0
-    behind = _one_direction(traffic.count_behind, spacing, traffic.spacing_jitter, least, -nearest, random)
+    behind = _one_direction(
+        traffic.count_behind, spacings, -nearest, lambda x: _lanes_that_last(road, start - x), random
+    )
     return np.concatenate([ahead[0], -behind[0]]), np.concatenate([ahead[1], behind[1]])
 
 
+def _lanes_that_last(road: Road, along: float) -> np.ndarray:
+    """Return (lanes,) bool: which lanes exist at s, and go on for a while."""
+    lasts = np.zeros(road.lane_count, bool)
+    for lane in road.lanes_at(along):
+        lasts[lane] = road.lane_end(lane, along) - along > ENDING_SOON
+    return lasts
+
+
 def _one_direction(
-    count: int, spacing: float, jitter: float, least: float, nearest: np.ndarray, random: np.random.Generator
+    count: int,
+    spacings: tuple[float, float, float],
+    nearest: np.ndarray,
+    lanes_at: Callable[[float], np.ndarray],
+    random: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return distances (m) from the robot, growing, and lanes; `nearest` (lanes,) is who stands there already."""
+    """Return distances (m) from the robot, growing, and lanes.
+
+    Args:
+        count: of cars.
+        spacings: the mean, its share that varies, and the least in a lane, m.
+        nearest: (lanes,) who stands there already, m.
+        lanes_at: which lanes (lanes,) bool a car may stand in at a distance.
+        random: draws.
+    """
+    spacing, jitter, least = spacings
     distances = np.cumsum(spacing * random.uniform(1.0 - jitter, 1.0 + jitter, count))
     lanes = np.empty(count, dtype=np.int64)
     last = nearest.copy()
     for car, distance in enumerate(distances):
-        room = distance - last
+        room = np.where(lanes_at(distance), distance - last, -math.inf)
         open_lanes = np.flatnonzero(room >= least)
         lanes[car] = random.choice(open_lanes) if len(open_lanes) else np.argmax(room)
         last[lanes[car]] = distance

@@ -3,18 +3,43 @@
 from pathlib import Path
 from typing import Any
 
-from hj_cosim.errors import NetworkError
-from hj_cosim.locations import find_toml, names_in, scenarios_folder
+from hj_cosim.errors import ConfigurationError, NetworkError
+from hj_cosim.locations import find_toml, given_path, names_in, scenarios_folder
 from hj_cosim.settings import NetworkSettings, Scenario, read_toml, shown, validate
+from hj_cosim.traffic.sources.own_configuration import own_seed
+
+SUMO_CONFIGURATION = ".sumocfg"
 
 
 def scenario_path(name_or_path: str) -> Path:
-    """Return the TOML file that a scenario's name or path means.
+    """Return the TOML file that a scenario's name or path means, or the .sumocfg.
 
     Raises:
         ConfigurationError: if there is none.
     """
+    if is_own_simulation(name_or_path):
+        path = given_path(name_or_path, "scenario").expanduser()
+        if not path.is_file():
+            raise ConfigurationError(f"the simulation {shown(repr(str(name_or_path)))} does not exist; give a .sumocfg")
+        return path.resolve()
     return find_toml(str(name_or_path), scenarios_folder(), "scenario")
+
+
+def own_path(file: str, scenario_folder: Path | None = None) -> Path:
+    """Return the whole path of a user's own simulation, which a scenario may have beside it.
+
+    Raises:
+        ConfigurationError: if there is no such file.
+    """
+    path = _existing_file(scenario_folder or Path(), file)
+    if path is None:
+        raise ConfigurationError(f"scenario.own.file = {shown(repr(file))}: there is no such .sumocfg")
+    return path
+
+
+def is_own_simulation(name_or_path: str) -> bool:
+    """Return whether a scenario is a user's own SUMO configuration."""
+    return str(name_or_path).endswith(SUMO_CONFIGURATION)
 
 
 def scenario_data(name_or_path: str) -> dict[str, Any]:
@@ -24,6 +49,8 @@ def scenario_data(name_or_path: str) -> dict[str, Any]:
         ConfigurationError: if there is no such file or it is not TOML.
     """
     path = scenario_path(name_or_path)
+    if is_own_simulation(name_or_path):
+        return {"name": path.stem, "seed": own_seed(path), "own": {"file": str(path)}}
     return {"name": path.stem, **read_toml(path)}
 
 

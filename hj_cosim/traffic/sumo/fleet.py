@@ -5,7 +5,6 @@ IDM is SUMO's, MOBIL ours. A car between two lanes is read completely; of the ot
 
 import math
 from collections.abc import Callable, Collection
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +13,13 @@ from hj_cosim.scene.road import Road
 from hj_cosim.settings import RobotSettings
 from hj_cosim.traffic.lane_changes import DrivingCars, wanted_lanes
 from hj_cosim.traffic.sources.placement import InitialTraffic
+from hj_cosim.traffic.sumo.between_steps import BetweenSteps, Motion
+from hj_cosim.traffic.sumo.fleet_rows import FleetArrays
+from hj_cosim.traffic.sumo.known_drivers import estimated_driver
+from hj_cosim.traffic.sumo.places import EdgePlaces, Places, RoutePlaces, nearest_lap
 from hj_cosim.traffic.sumo.puppet import Placement
 from hj_cosim.traffic.sumo.session import libsumo
+from hj_cosim.traffic.sumo_lanes import SumoLanes
 from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
 from hj_cosim.vehicles.idm import PARAMETER_NAMES
 
@@ -23,40 +27,16 @@ from hj_cosim.vehicles.idm import PARAMETER_NAMES
 # requests are treated.
 ONLY_REQUESTED_IF_SAFE = 256
 
+# Where lanes end, SUMO's own changes out of them stay on: without them a car would stand at the end for good.
+STRATEGIC = 1
+# m; nobody wants a lane that ends within this, for SUMO would have it leave again at once.
+LASTING = 1500.0
+
 DECISION_PERIOD = 1.0  # s between two lane-change decisions of a car
 DECISION_TURNS = 10  # a tenth of the cars decides every tenth of the period
 NEVER_ITS_TURN = -1  # of who decides elsewhere: the robot, and cars that are not ours
 # Nearer than this to a lane's centre line (m), a car is not between lanes; a step of a change moves it 0.03 m.
 ON_CENTRE_LINE = 1e-3
-USUAL_EXPONENT = 4.0  # IDM's, which SUMO has no getter for
-
-
-class FleetArrays(NamedTuple):
-    """The J cars on the road, a row each, and in a last row the robot, which the others take for one of them."""
-
-    number: np.ndarray  # (J + 1,) int, as World has it; the robot's means nothing
-    turn: np.ndarray  # (J + 1,) int, when it decides, or NEVER_ITS_TURN
-    x: np.ndarray  # (J + 1,) m, like all positions of its centre
-    y: np.ndarray  # (J + 1,) m
-    heading: np.ndarray  # (J + 1,) rad
-    speed: np.ndarray  # (J + 1,) m/s
-    acceleration: np.ndarray  # (J + 1,) m/s²
-    lane: np.ndarray  # (J + 1,) int
-    target_lane: np.ndarray  # (J + 1,) int, where a change in progress leads
-    second_lane: np.ndarray  # (J + 1,) int, the other lane that it is in meanwhile
-    length: np.ndarray  # (J + 1,) m
-    width: np.ndarray  # (J + 1,) m
-    driver: np.ndarray  # (J + 1, 6) IDM parameters; an estimate where the car is not ours
-
-    def only(self, stays: np.ndarray) -> "FleetArrays":
-        """Return the rows of a mask (J + 1,)."""
-        return FleetArrays(*(column[stays] for column in self))
-
-    def with_car(self, car: "FleetArrays") -> "FleetArrays":
-        """Return the rows with one more (of one row) before the robot's."""
-        return FleetArrays(
-            *(np.concatenate([column[:-1], new, column[-1:]]) for column, new in zip(self, car, strict=True))
-        )
 
 
 class Fleet:
@@ -67,7 +47,15 @@ class Fleet:
     """
 
     def __init__(
-        self, initial: InitialTraffic, names: list[str], robot: RobotSettings, robot_driver: np.ndarray, road: Road
+        self,
+        initial: InitialTraffic,
+        names: list[str],
+        robot: RobotSettings,
+        robot_driver: np.ndarray,
+        road: Road,
+        lanes: SumoLanes | None = None,
+        *,
+        is_seen_between_steps: bool = False,
     ) -> None:
         """Take over cars that SUMO has inserted.
 
@@ -77,9 +65,15 @@ class Fleet:
             robot: its body.
             robot_driver: (6,) what the others' MOBIL takes the robot to be.
             road: the road.
+            lanes: what SUMO calls its lanes, if it is a route.
+            is_seen_between_steps: whether the cars are observed between two steps too; SUMO has to be ballistic then.
         """
+        self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(road, lanes)
+        self._lanes_end = lanes is not None and lanes.differ
+        self._is_seen_between_steps = is_seen_between_steps
+        self._latest_step: BetweenSteps | None = None
         for name in names:
-            libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE)
+            libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE + STRATEGIC * self._lanes_end)
         self.vehicle_names = list(names)
         self._road = road
         self._known_drivers = initial.drivers
@@ -104,6 +98,8 @@ class Fleet:
             )
         )
         self._changing: list[int] = []  # rows of ours that were told to change lanes and are not done
+        self._ending: list[int] = []  # rows of ours in lanes that end, out of which SUMO may take them
+        self._elsewhere: list[str] = []  # vehicles in SUMO that are not to be seen from the road
         self._not_ours: list[int] = []  # rows of cars that SUMO, or a user's simulation, drives and inserts
         self._order = np.argsort(self._rows.x, kind="stable")
 
@@ -123,23 +119,33 @@ class Fleet:
         unknown = np.full((len(self.vehicle_names) - len(self._known_drivers), len(PARAMETER_NAMES)), math.nan)
         return np.vstack([self._known_drivers, unknown])
 
-    def observe(self, time: float, robot: np.ndarray) -> Observation:
-        """Return what the robot (4,) sees at a time (s)."""
-        rows = self._rows  # what is replaced in every step is handed out as it is, what is changed in place is copied
+    def observe(self, time: float, robot: np.ndarray, robot_acceleration: float, elapsed: float = 0.0) -> Observation:
+        """Return what the robot sees.
+
+        Args:
+            time: s.
+            robot: (4,) its state, in the road frame.
+            robot_acceleration: m/s².
+            elapsed: s since the latest step that was read began, at an instant before its end; 0 at its end.
+        """
+        rows = self._rows
+        between = self._latest_step
+        motion = rows.motion() if between is None or elapsed == 0.0 else between.at(elapsed)
+        cars = slice(len(motion.x))  # those that have entered in the step come last, and are there when it ends
         return Observation(
             time=time,
             robot=robot,
-            robot_acceleration=float(rows.acceleration[-1]),
-            vehicle=rows.number[:-1],
-            x=rows.x[:-1],
-            y=rows.y[:-1].copy(),
-            heading=rows.heading[:-1].copy(),
-            speed=rows.speed[:-1],
-            acceleration=rows.acceleration[:-1],
-            lane=rows.lane[:-1].copy(),
-            target_lane=rows.target_lane[:-1].copy(),
-            length=rows.length[:-1],
-            width=rows.width[:-1],
+            robot_acceleration=robot_acceleration,
+            vehicle=rows.number[cars],
+            x=motion.x,
+            y=motion.y,
+            heading=motion.heading,
+            speed=motion.speed,
+            acceleration=motion.acceleration,
+            lane=motion.lane,
+            target_lane=rows.target_lane[cars].copy(),
+            length=rows.length[cars],
+            width=rows.width[cars],
         )
 
     def request_lane_changes(self, turn: int, mobil: np.ndarray, step: float) -> None:
@@ -154,11 +160,24 @@ class Fleet:
         deciding = rows.turn == turn % DECISION_TURNS
         deciding[self._changing] = False
         cars = DrivingCars(rows.x, rows.speed, rows.lane, rows.second_lane, rows.length, rows.driver)
-        wanted = wanted_lanes(self._order, deciding, cars, mobil, self._road.lane_count)
+        usable = self._road.lasting_lanes(rows.x, LASTING)
+        if self._lanes_end:
+            is_ending = (rows.lane < usable[:, 0]) | (rows.lane > usable[:, 1])
+            self._ending = np.flatnonzero(is_ending & (rows.turn != NEVER_ITS_TURN)).tolist()
+        wanted = wanted_lanes(self._order, deciding, cars, mobil, usable)
         for car in np.flatnonzero(wanted != rows.lane):
-            libsumo.vehicle.changeLane(self._names[car], int(wanted[car]), step)
+            index = self._places.index(self._names[car], int(wanted[car]))
+            if index is None:
+                continue  # no such lane beside that car
+            libsumo.vehicle.changeLane(self._names[car], index, step)
             rows.target_lane[car] = wanted[car]
             self._changing.append(int(car))
+
+    def correct_robot(self, state: np.ndarray, acceleration: float) -> None:
+        """Take over the robot's state (4,), road frame, which was foreseen when the last step began, and its m/s²."""
+        rows = self._rows
+        rows.x[-1], rows.y[-1], rows.heading[-1], rows.speed[-1] = state
+        rows.acceleration[-1] = acceleration
 
     def move_robot(self, robot: Placement) -> None:
         """Take over which lanes the robot will be in when the step ends."""
@@ -178,27 +197,57 @@ class Fleet:
             is_car: whether a vehicle of SUMO's is a car to be observed.
         """
         if libsumo.simulation.getArrivedNumber():
-            self._forget(set(libsumo.simulation.getArrivedIDList()))
+            arrived = set(libsumo.simulation.getArrivedIDList())
+            self._elsewhere = [name for name in self._elsewhere if name not in arrived]
+            self._forget(arrived)
         rows = self._rows
+        before = (rows.number[:-1], rows.motion()) if self._is_seen_between_steps else None
         x = np.empty(len(rows.x))
-        x[:-1] = np.fromiter(map(libsumo.vehicle.getLanePosition, self._names), float, len(self._names))
+        x[:-1], own_speed = self._places.read(self._names, step)
         x -= self._front_offset
         x[-1] = robot_state[0]
-        # SUMO moves a car by its new speed times the step, so its way is its speed: one getter a car, not two.
-        speed = (x - rows.x) / step
+        if self._road.lap:
+            x = nearest_lap(x, self._road.lap, float(x[-1]))
+        if own_speed is not None:
+            speed = np.append(own_speed, 0.0)
+        elif self._is_seen_between_steps:
+            speed = np.append(np.fromiter(map(libsumo.vehicle.getSpeed, self._names), float, len(self._names)), 0.0)
+        else:
+            # SUMO moves a car by its new speed times the step, so its way is its speed: one getter a car, not two.
+            speed = (x - rows.x) / step
         speed[-1] = robot_state[3]
         acceleration = (speed - rows.speed) / step
         acceleration[-1] = robot_acceleration
         rows.y[-1], rows.heading[-1] = robot_state[1], robot_state[2]
         self._rows = rows._replace(x=x, speed=speed, acceleration=acceleration)
+        if own_speed is not None and np.isnan(x).any():
+            self._lose(np.flatnonzero(np.isnan(x)).tolist())
+        self._follow_those_in_ending_lanes()
         if self._changing:
-            self._changing = [car for car in self._changing if self._read_sideways(car)]
+            self._changing = [car for car in self._changing if self._read_sideways(car, step)]
         for car in self._not_ours:
             self._follow_change(car)
-            self._read_sideways(car)
+            self._read_sideways(car, step)
+        if before is not None:
+            self._latest_step = self._between(*before, step)
         if libsumo.simulation.getDepartedNumber():
-            for name in filter(is_car, libsumo.simulation.getDepartedIDList()):
-                self._admit(name)
+            self._elsewhere += filter(is_car, libsumo.simulation.getDepartedIDList())
+        if self._elsewhere:
+            coming = [name for name in self._elsewhere if self._places.knows(name)]
+            self._elsewhere = [name for name in self._elsewhere if name not in coming]
+            for name in coming:
+                self._admit(name, step)
+
+    def _between(self, numbers: np.ndarray, before: Motion, step: float) -> BetweenSteps:
+        """Return how the cars that are still there moved in the step that has just been read; theirs were `numbers`."""
+        after = self._rows.motion()
+        if len(after.x) < len(before.x):
+            stays = np.isin(numbers, self._rows.number[:-1])
+            before = Motion(*(column[stays] for column in before))
+        lap = self._road.lap
+        if lap:  # whoever is half a lap away from the robot changes to the other side of it
+            before = before._replace(x=before.x + lap * np.round((after.x - before.x) / lap))
+        return BetweenSteps(before, after, step, self._road)
 
     def is_beside_robot(self) -> bool:
         """Return whether a car lies alongside the robot in a lane that both are in: it hits that car, or crowds it."""
@@ -207,7 +256,7 @@ class Fleet:
         lanes = {int(rows.lane[-1]), int(rows.second_lane[-1])}
         return any(not lanes.isdisjoint((int(rows.lane[car]), int(rows.second_lane[car]))) for car in beside)
 
-    def _read_sideways(self, car: int) -> bool:
+    def _read_sideways(self, car: int, step: float) -> bool:
         """Read a car's lane and where it is across the road; return whether it is between lanes: not done or refused.
 
         SUMO moves a car sideways at a constant rate and turns it about its front bumper, back again in one step
@@ -215,16 +264,16 @@ class Fleet:
         """
         name, rows, road = self._names[car], self._rows, self._road
         along = float(rows.x[car])
-        lane = libsumo.vehicle.getLaneIndex(name)
+        lane = self._places.lane(name)
         offset = libsumo.vehicle.getLateralLanePosition(name)
         rows.lane[car] = lane
         if abs(offset) < ON_CENTRE_LINE:
-            rows.y[car], rows.heading[car] = road.lane_centre(lane, along), 0.0
+            rows.y[car], rows.heading[car] = self._places.centre(name, lane, along), 0.0
             rows.target_lane[car] = rows.second_lane[car] = lane
             return False
-        rows.y[car] = road.lane_centre(lane, along) + offset
-        angle = math.radians(90.0 - libsumo.vehicle.getAngle(name))
-        rows.heading[car] = math.remainder(angle - road.heading_at(along), math.tau)
+        before, rows.y[car] = rows.y[car], self._places.centre(name, lane, along) + offset
+        sideways = float(rows.y[car] - before) / step
+        rows.heading[car] = self._places.heading(name, along, sideways, float(rows.speed[car]))
         # SUMO has it in both lanes from the beginning, and frees the old one once its body has left it.
         has_crossed = lane == rows.target_lane[car]
         has_left = has_crossed and abs(offset) <= 0.5 * (road.lane_width - rows.width[car])
@@ -234,48 +283,57 @@ class Fleet:
     def _follow_change(self, car: int) -> None:
         """Take a car that nobody here told to change lanes to be on its way to where it has moved in this step."""
         name, rows = self._names[car], self._rows
-        lane, offset = libsumo.vehicle.getLaneIndex(name), libsumo.vehicle.getLateralLanePosition(name)
+        lane, offset = self._places.lane(name), libsumo.vehicle.getLateralLanePosition(name)
         before = rows.y[car] - self._road.lane_centre(lane, float(rows.x[car]))
         leaves = rows.lane[car] == lane and abs(offset) > abs(before)
         rows.target_lane[car] = lane + int(np.sign(offset)) if leaves else lane
 
-    def _admit(self, name: str) -> None:
+    def _follow_those_in_ending_lanes(self) -> None:
+        """Notice which of ours SUMO has begun to take out of a lane that ends, and where to."""
+        for car in self._ending:
+            if car in self._changing:
+                continue
+            offset = libsumo.vehicle.getLateralLanePosition(self._names[car])
+            if abs(offset) >= ON_CENTRE_LINE or self._places.lane(self._names[car]) != self._rows.lane[car]:
+                self._follow_change(car)
+                self._changing.append(car)
+
+    def _lose(self, cars: list[int]) -> None:
+        """Drop the rows of cars that have gone where they cannot be seen from the road; they may come back."""
+        lost = [self._names[car] for car in cars]
+        self._elsewhere += lost
+        self._forget(lost)
+
+    def _admit(self, name: str, step: float) -> None:
         """Add a row for a car that has entered after the beginning; a name that comes back has its number again."""
         if name not in self.vehicle_names:
             self.vehicle_names.append(name)
         vehicle, rows = libsumo.vehicle, self._rows
-        lane = vehicle.getLaneIndex(name)
+        lane = self._places.lane(name)
         length = vehicle.getLength(name)
-        x = vehicle.getLanePosition(name) - 0.5 * length
+        x = float(self._places.read([name], step)[0][0]) - 0.5 * length
         one = {"turn": NEVER_ITS_TURN, "heading": 0.0, "acceleration": 0.0, "x": x, "length": length}
         one |= {
             "number": self.vehicle_names.index(name),
             "speed": vehicle.getSpeed(name),
             "width": vehicle.getWidth(name),
         }
-        one |= {"lane": lane, "target_lane": lane, "second_lane": lane, "y": self._road.lane_centre(lane, x)}
+        one |= {"lane": lane, "target_lane": lane, "second_lane": lane, "y": self._places.centre(name, lane, x)}
         columns = {key: np.array([value]) for key, value in one.items()}
-        self._set_rows(rows.with_car(FleetArrays(driver=_estimated_driver(name)[np.newaxis], **columns)))
+        self._set_rows(rows.with_car(FleetArrays(driver=estimated_driver(name)[np.newaxis], **columns)))
         self._not_ours.append(len(self._names))
         self._names.append(name)
         robot = len(self._names)  # its row has moved down by one
         self._order = np.append(np.where(self._order == robot - 1, robot, self._order), robot - 1)
-        self._read_sideways(robot - 1)
+        self._read_sideways(robot - 1, step)
 
     def _forget(self, arrived: Collection[str]) -> None:
-        """Drop the rows of cars that have reached the end of the road."""
+        """Drop the rows of cars that have reached the end of the road, or are out of sight."""
         stays = np.array([*(name not in arrived for name in self._names), True])
         renumbered = np.cumsum(stays) - 1
         self._changing = [int(renumbered[car]) for car in self._changing if stays[car]]
+        self._ending = [int(renumbered[car]) for car in self._ending if stays[car]]
         self._not_ours = [int(renumbered[car]) for car in self._not_ours if stays[car]]
         self._names = [name for name in self._names if name not in arrived]
         self._order = renumbered[self._order[stays[self._order]]]
         self._set_rows(self._rows.only(stays))
-
-
-def _estimated_driver(name: str) -> np.ndarray:
-    """Return what IDM's parameters (6,) are of a vehicle of SUMO's, as far as its own car-following model has them."""
-    vehicle = libsumo.vehicle
-    desired_speed = min(vehicle.getMaxSpeed(name), vehicle.getAllowedSpeed(name))
-    getters = (vehicle.getAccel, vehicle.getDecel, vehicle.getTau, vehicle.getMinGap)
-    return np.array([desired_speed, *(getter(name) for getter in getters), USUAL_EXPONENT])

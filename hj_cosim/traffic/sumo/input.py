@@ -1,6 +1,6 @@
 """What SUMO is started with: the route file of the cars at their places, and the command line."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
@@ -8,6 +8,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from hj_cosim.traffic.sources.placement import InitialTraffic
+from hj_cosim.traffic.sources.streams import Stream
 from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
 from hj_cosim.vehicles.idm import (
     COMFORTABLE_DECELERATION,
@@ -22,6 +23,7 @@ ROUTE = "road"  # what the route is called that all of them take
 LANE_CHANGE_SECONDS = 3.0
 # SUMO takes the least of a car's own top speed and the lane's limit times this factor: the own one shall count.
 IGNORE_SPEED_LIMIT = 100.0
+STREAMS_BEGIN, STREAMS_END = 1, 1_000_000  # s; after the first step, in which those who stand at places come
 
 
 def command_line(network: Path, routes: Path, log: Path, step: float, seed: int, check_collisions: bool) -> list[str]:
@@ -67,26 +69,58 @@ class RobotVehicle(NamedTuple):
     driver: np.ndarray  # (6,) what SUMO's safety check of lane changes takes it to be
 
 
-def write_routes(path: Path, edge: str, traffic: InitialTraffic, names: Sequence[str], robot: RobotVehicle) -> None:
+# What SUMO is told of a place: the edge's place in the route, the lane's index and the position in it (m).
+Departure = Callable[[int, float], tuple[int, int, float]]
+
+
+def write_routes(
+    path: Path,
+    edges: str,
+    traffic: InitialTraffic,
+    names: Sequence[str],
+    robot: RobotVehicle,
+    departure: Departure = lambda lane, front: (0, lane, front),
+    streams: Sequence[Stream] = (),
+) -> None:
     """Write the route file that puts every car, and the robot, at its place.
 
     Args:
         path: where to.
-        edge: the road.
+        edges: the road's, in order.
         traffic: where the cars and the robot are.
         names: the cars' (J,).
         robot: what it is.
+        streams: who comes later.
+        departure: from the road's lane and s (m) of a front bumper to SUMO's; of a road that is one edge if left out.
     """
-    lines = ["<routes>", f'<route id="{ROUTE}" edges={quoteattr(edge)}/>']
+    lines = ["<routes>", f'<route id="{ROUTE}" edges={quoteattr(edges)}/>']
     for name, driver in zip(names, traffic.drivers, strict=True):
         lines.append(vehicle_type(name, driver, driver[DESIRED_SPEED], CAR_LENGTH, CAR_WIDTH))
     # The robot's speed is not SUMO's to limit.
     lines.append(vehicle_type(robot.name, robot.driver, 1000.0, robot.length, robot.width))
     for name, x, lane, speed in zip(names, traffic.x, traffic.lane, traffic.speed, strict=True):
-        lines.append(_vehicle(name, x + 0.5 * CAR_LENGTH, lane, speed))
-    lines.append(_vehicle(robot.name, traffic.robot[0] + 0.5 * robot.length, robot.lane, traffic.robot[3]))
+        lines.append(_vehicle(name, departure(lane, x + 0.5 * CAR_LENGTH), speed))
+    lines.append(_vehicle(robot.name, departure(robot.lane, traffic.robot[0] + 0.5 * robot.length), traffic.robot[3]))
+    for stream in streams:
+        lines += _stream(stream)
     lines.append("</routes>")
     path.write_text("\n".join(lines), encoding="utf-8")
+
+
+def _stream(stream: Stream) -> list[str]:
+    """Return the elements of a stream: its drivers, and the cars that they drive."""
+    types = [
+        "    " + vehicle_type(f"{stream.name}_driver_{number}", driver, driver[DESIRED_SPEED], CAR_LENGTH, CAR_WIDTH)
+        for number, driver in enumerate(stream.drivers)
+    ]
+    return [
+        f'<vTypeDistribution id="{stream.name}_drivers">',
+        *types,
+        "</vTypeDistribution>",
+        f'<flow id="{stream.name}" type="{stream.name}_drivers" from={quoteattr(stream.from_edge)}'
+        f' to={quoteattr(stream.to_edge)} begin="{STREAMS_BEGIN}" end="{STREAMS_END}"'
+        f' period="exp({stream.per_hour / 3600.0:.17g})" departLane="best" departSpeed="max"/>',
+    ]
 
 
 def vehicle_type(name: str, driver: np.ndarray, top_speed: float, length: float, width: float) -> str:
@@ -101,10 +135,12 @@ def vehicle_type(name: str, driver: np.ndarray, top_speed: float, length: float,
     )
 
 
-def _vehicle(name: str, front: float, lane: int, speed: float) -> str:
-    """Return the <vehicle> that starts with its front bumper at `front` (m), at `speed` (m/s)."""
+def _vehicle(name: str, departure: tuple[int, int, float], speed: float) -> str:
+    """Return the <vehicle> that starts with its front bumper at a place (see Departure), at `speed` (m/s)."""
+    edge, lane, front = departure
+    on_the_way = f' departEdge="{edge}"' if edge else ""
     # insertionChecks works here only: not on the vType, and not through vehicle.add.
     return (
-        f'<vehicle id="{name}" type="{name}" route="{ROUTE}" depart="0" departPos="{front:.17g}" departLane="{lane}"'
-        f' departSpeed="{speed:.17g}" insertionChecks="none"/>'
+        f'<vehicle id="{name}" type="{name}" route="{ROUTE}" depart="0"{on_the_way} departPos="{front:.17g}"'
+        f' departLane="{lane}" departSpeed="{speed:.17g}" insertionChecks="none"/>'
     )

@@ -62,12 +62,13 @@ class SumoSession:
         self.warnings_file = self.folder / "sumo.log"
         self._moves_wait = False
 
-    def start(self, command: Sequence[str], what: str) -> None:
-        """Start SUMO and make the step of time 0, in which vehicles are inserted and nobody moves.
+    def start(self, command: Sequence[str], what: str, *, inserts: bool = True) -> None:
+        """Start SUMO.
 
         Args:
             command: the words of SUMO's command line.
             what: it runs, for the message.
+            inserts: whether the step of time 0 is made, in which vehicles are inserted and nobody moves.
 
         Raises:
             SimulationError: with the first thing that SUMO complains of.
@@ -76,7 +77,8 @@ class SumoSession:
         try:
             with _stderr_into(complaints):  # what SUMO finds wrong is told by our own error
                 libsumo.start(list(command))
-                libsumo.simulationStep()
+                if inserts:
+                    libsumo.simulationStep()
         except SUMO_ERRORS as error:
             lines = complaints.read_text(encoding="utf-8", errors="replace").splitlines()
             reason = lines[0].removeprefix("Error: ") if lines else " ".join(str(error).split())

@@ -1,6 +1,7 @@
 """The traffic in SUMO as a World: a session, the fleet of background cars, and the robot as a puppet."""
 
 import contextlib
+import math
 from pathlib import Path
 from typing import Self
 
@@ -10,16 +11,21 @@ from hj_cosim.errors import SimulationError
 from hj_cosim.files import naming_the_place
 from hj_cosim.scene.observation import Observation
 from hj_cosim.settings import RobotSettings, Scenario
-from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.road_end import require_road
+from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.settling import follow_lane, robot_driver
 from hj_cosim.traffic.sources.placement import InitialTraffic, initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path
+from hj_cosim.traffic.sources.streams import drawn_streams
+from hj_cosim.traffic.sumo.between_steps import foreseen
 from hj_cosim.traffic.sumo.fleet import DECISION_PERIOD, DECISION_TURNS, Fleet
 from hj_cosim.traffic.sumo.input import ROUTE, RobotVehicle, command_line, write_routes
 from hj_cosim.traffic.sumo.puppet import GHOST, ROBOT, Puppet, placement, without_ghost
+from hj_cosim.traffic.sumo.route_puppet import RoutePuppet
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo, log
 from hj_cosim.vehicles.mobil import mobil_parameters
+
+TURN_TOLERANCE = 1e-6  # of a turn: a step's beginning is the turn's in spite of rounding
 
 
 class SumoWorld:
@@ -36,6 +42,7 @@ class SumoWorld:
         seed: int,
         step: float = 0.02,
         scenario_folder: Path | None = None,
+        traffic_step: float | None = None,
     ):
         """Start SUMO and put everyone in place.
 
@@ -43,8 +50,9 @@ class SumoWorld:
             scenario: what to build.
             robot: its body.
             seed: of places, drivers, the turns of decisions, and SUMO.
-            step: s.
+            step: s, the robot's.
             scenario_folder: where the scenario's file lies, to find its network beside it.
+            traffic_step: s, SUMO's, a multiple of the robot's; the same unless given.
 
         Raises:
             NetworkError: if the network is missing or not a straight road.
@@ -53,24 +61,28 @@ class SumoWorld:
         """
         self._step = step
         self._steps = 0
+        self._steps_a_traffic_step = 1 if traffic_step is None else round(traffic_step / step)
+        self._traffic_step = self._steps_a_traffic_step * step
         self._body = robot
         self._is_hand_made = scenario.is_hand_made
         self._robot_driver = robot_driver(scenario.drivers, scenario.robot.speed)
         drivers = scenario.drivers
         self._mobil = mobil_parameters(drivers.politeness, drivers.gain_threshold, drivers.safe_braking)
-        self._turn_steps = max(round(DECISION_PERIOD / DECISION_TURNS / step), 1)
-        self._is_beside_somebody = False  # in a lane of its own
+        self._turns_taken = 0
         self._session = SumoSession(without_ghost)
         with contextlib.ExitStack() as unless_built:
             unless_built.callback(self._session.close)
             network = network_path(scenario.network, scenario_folder)
-            self.road = read_road(network, scenario.network.edge)
+            self.road, self._lanes = read_network(network, scenario.network)
             initial = initial_traffic(scenario, self.road, robot, seed)
             names = self._start(scenario, network, initial, seed)
-            self._robot = initial.robot.copy()
-            self._fleet = Fleet(initial, names, robot, self._robot_driver, self.road)
+            self._robot, self._robot_acceleration = initial.robot.copy(), 0.0
+            is_finer = self._steps_a_traffic_step > 1  # the robot's clock than SUMO's
+            self._fleet = Fleet(
+                initial, names, robot, self._robot_driver, self.road, self._lanes, is_seen_between_steps=is_finer
+            )
             self._fleet.take_turns(np.random.default_rng([seed, 2]))
-            self._puppet = Puppet(self.road, scenario.network.edge, ROUTE)
+            self._puppet = self._made_puppet(scenario.network.edge)
             unless_built.pop_all()
 
     def _start(self, scenario: Scenario, network: Path, initial: InitialTraffic, seed: int) -> list[str]:
@@ -81,9 +93,15 @@ class SumoWorld:
         robot = RobotVehicle(ROBOT, self._body.length, self._body.width, self.road.lane_at(y, x), self._robot_driver)
         routes = self._session.folder / "traffic.rou.xml"
         with naming_the_place(routes):
-            write_routes(routes, scenario.network.edge, initial, names, robot)
+            if self._lanes is None:
+                write_routes(routes, scenario.network.edge, initial, names, robot)
+            else:
+                streams = drawn_streams(scenario, seed)
+                write_routes(routes, self._lanes.route, initial, names, robot, self._lanes.departure, streams)
         warnings, looks = self._session.warnings_file, scenario.traffic.check_collisions
-        words = command_line(network, routes, warnings, self._step, seed, looks)
+        words = command_line(network, routes, warnings, self._traffic_step, seed, looks)
+        if self._steps_a_traffic_step > 1:
+            words += ["--step-method.ballistic", "true"]
         self._session.start(words, f"scenario {scenario.name} on {network}")
         inserted = libsumo.vehicle.getIDCount() - 1
         if inserted != len(names):
@@ -92,6 +110,11 @@ class SumoWorld:
                 " its log tells why"
             )
         return names
+
+    def _made_puppet(self, edge: str) -> Puppet:
+        if self._lanes is None:
+            return Puppet(self.road, edge, ROUTE)
+        return RoutePuppet(self.road, self._lanes, ROUTE)
 
     @property
     def vehicle_names(self) -> list[str]:
@@ -109,43 +132,71 @@ class SumoWorld:
 
     def observe(self) -> Observation:
         """Return the robot and every background car on the road; see World.observe."""
-        return self._fleet.observe(self._time, self._robot)
+        elapsed = self._steps % self._steps_a_traffic_step * self._step
+        return self._fleet.observe(self._time, self._robot, self._robot_acceleration, elapsed)
 
     def settle(self, seconds: float) -> None:
         """Let the traffic run with the robot following its lane, then set the clock to 0; see World.settle.
 
-        A scene made by hand is left as it was made.
+        A scene made by hand is left as it was made. The robot has the traffic's clock meanwhile.
         """
-        for _ in range(0 if self._is_hand_made else round(seconds / self._step)):
+        for _ in range(0 if self._is_hand_made else round(seconds / self._traffic_step)):
             state, acceleration = follow_lane(
-                self.observe(), self._robot_driver, self.road, self._body.length, self._step
+                self.observe(), self._robot_driver, self.road, self._body.length, self._traffic_step
             )
-            self.step(state, acceleration)
-        self._steps = 0
+            require_road(self.road, placement(state, self._body, self.road).along, self._time)
+            self._advance_traffic(state, acceleration)
+            self._robot, self._robot_acceleration = state, acceleration
+            self._steps += self._steps_a_traffic_step
+        self._steps = self._turns_taken = 0
 
     def step(self, robot_state: np.ndarray, robot_acceleration: float) -> None:
         """Advance by one step; see World.step.
 
+        SUMO's own step, which may be several of the robot's, is made when the first of these is: all that others do in
+        it, they do by what they see at its beginning. Where the robot will be at its end is foreseen.
+        """
+        front = float(robot_state[0]) + 0.5 * self._body.length * math.cos(robot_state[2])
+        require_road(self.road, front, self._time)
+        if self._steps % self._steps_a_traffic_step == 0:
+            later = (self._steps_a_traffic_step - 1) * self._step
+            turn_rate = (float(robot_state[2]) - float(self._robot[2])) / self._step
+            end = foreseen(robot_state, turn_rate, robot_acceleration, later, self.road) if later else robot_state
+            self._advance_traffic(end, robot_acceleration)
+        self._robot, self._robot_acceleration = np.array(robot_state), float(robot_acceleration)
+        self._steps += 1
+
+    def _advance_traffic(self, robot_state: np.ndarray, robot_acceleration: float) -> None:
+        """Make a step of SUMO's, with the robot where it will be at the step's end.
+
         SUMO moves the other cars by the states of the step before, and only then puts the robot where
         moveToXY wants it: so everything is asked for before the step, and read after it.
+
+        Raises:
+            SimulationError: if SUMO fails.
         """
         robot = placement(robot_state, self._body, self.road)
-        require_road(self.road, robot.along, self._time)
         try:
-            turn, steps_into_turn = divmod(self._steps, self._turn_steps)
-            if not steps_into_turn:
-                self._fleet.request_lane_changes(turn, self._mobil, self._step)
+            if self._steps_a_traffic_step > 1:
+                self._fleet.correct_robot(self._robot, self._robot_acceleration)
+                self._puppet.correct_speed(float(self._robot[3]))
+            is_beside_somebody = self._fleet.is_beside_robot()
+            self._request_lane_changes()
             self._session.expect_moves()
-            self._puppet.place(robot, self._is_beside_somebody)
+            self._puppet.place(robot, is_beside_somebody)
             self._session.step()
             self._puppet.after_step(float(robot_state[3]))
-            self._steps += 1
             self._fleet.move_robot(robot)
-            self._fleet.read(robot_state, robot_acceleration, self._step, _is_car)
+            self._fleet.read(robot_state, robot_acceleration, self._traffic_step, _is_car)
         except SUMO_ERRORS as error:
             raise SimulationError(f"SUMO failed at {self._time:.2f} s: {error}") from error
-        self._robot = np.array(robot_state)
-        self._is_beside_somebody = self._fleet.is_beside_robot()
+
+    def _request_lane_changes(self) -> None:
+        """Let those change lanes who have decided to since the last step; a turn is a tenth of a decision's period."""
+        turns_due = math.floor(self._time * DECISION_TURNS / DECISION_PERIOD + TURN_TOLERANCE) + 1
+        for turn in range(self._turns_taken, turns_due):
+            self._fleet.request_lane_changes(turn, self._mobil, self._traffic_step)
+        self._turns_taken = turns_due
 
     def close(self) -> None:
         """End SUMO and pass its warnings on to the log.

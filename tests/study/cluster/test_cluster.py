@@ -1,7 +1,9 @@
 """The Dask engine against real scheduler and worker processes on the loopback interface."""
 
+import inspect
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -11,7 +13,10 @@ from pathlib import Path
 import pytest
 
 from hj_cosim.errors import WorkerError
+from hj_cosim.reachability.games.highway import game
+from hj_cosim.study import cluster
 from hj_cosim.study.cluster import DaskCluster
+from hj_cosim.study.study import run_study
 
 
 class LoopbackCluster:
@@ -64,8 +69,8 @@ def start_cluster(synthetic, tmp_path) -> Generator[Callable[[], LoopbackCluster
         return started[-1]
 
     yield start
-    for cluster in started:
-        cluster.stop()
+    for each in started:
+        each.stop()
 
 
 def test_a_cluster_gives_the_same_files_though_a_worker_is_killed_half_way(
@@ -117,3 +122,80 @@ def test_a_scheduler_that_does_not_answer_is_named(conduct_synthetic):
         conduct_synthetic("nobody", DaskCluster("tcp://127.0.0.1:1", timeout=1.0))
     with pytest.raises(WorkerError, match="no Dask scheduler answers at nonsense"):
         conduct_synthetic("nonsense", DaskCluster("nonsense://x", timeout=1.0))
+
+
+OF_ONES_OWN = """
+from hj_cosim.control.contract import FilterDecision
+from hj_cosim.planning.contract import RIGHT, Plan
+from hj_cosim.scene.observation import Target
+from hj_cosim.settings import Settings
+
+
+class KeepRight:
+    def plan(self, observation, previous):
+        return Plan(action=RIGHT, target=Target(lane=0, speed=previous.speed))
+
+
+class Lost:
+    def plan(self, observation, previous):
+        return self.way
+
+
+class Calm:
+    class Options(Settings):
+        gentle: bool = False
+
+    def __init__(self, options):
+        self.gentle = options.gentle
+
+    def filter(self, observation, values, desired):
+        return FilterDecision(desired)
+"""
+A_TABLE = """
+dynamics = "two_cars.py"
+horizon = 0.1
+scheme = "first_order"
+[grid]
+lower = [-80.0, -8.0, -0.4, 0.0, 0.0]
+upper = [80.0, 8.0, 0.4, 40.0, 40.0]
+shape = [9, 7, 7, 7, 7]
+"""
+
+
+def test_planners_filters_and_games_in_files_travel_to_workers_that_do_not_have_them(
+    start_cluster, tmp_path, monkeypatch
+):
+    """The files are gone before a worker asks for them, which may be on another machine."""
+    place = tmp_path / "mine"
+    place.mkdir()
+    monkeypatch.chdir(place)
+    Path("mine.py").write_text(OF_ONES_OWN)
+    Path("table.toml").write_text(A_TABLE)
+    Path("few.toml").write_text("[traffic]\ncount = 6\n")
+    # What ours imports is part of the package, and so on every worker.
+    shutil.copy(inspect.getfile(game), "two_cars.py")
+    read = cluster._code_of
+
+    def read_and_lost(jobs):
+        code = read(jobs)
+        for path in code:
+            path.unlink()
+        return code
+
+    monkeypatch.setattr(cluster, "_code_of", read_and_lost)
+    workers = start_cluster()
+    workers.add_worker()
+    study = run_study(
+        "few.toml",
+        stacks=["mine.py:KeepRight/none", "hjop/mine.py:Calm", "mine.py:Lost/none"],
+        episodes=1,
+        settings=["table=table.toml", "simulation.duration=0.4", "simulation.settle_time=0.1"],
+        scheduler=workers.address,
+        out="study",
+    )
+    (failure,) = study.failures
+    assert failure.reason.startswith(f"{place}/mine.py:15: Lost.plan raised AttributeError")
+    assert list(study.table["planner"]) == ["KeepRight", "hjop", "Lost"]
+    assert list(study.table["episodes"]) == [1, 1, 0]
+    config = (study.folder / "episodes" / "KeepRight-none" / "0" / "config.toml").read_text()
+    assert f'kind = "{place}/mine.py:KeepRight"' in config

@@ -15,13 +15,16 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.errors import TableError
+from hj_cosim.reachability.games.highway.least_between import least_of_step
 from hj_cosim.reachability.games.highway.other_car import (
     BESIDE,
+    CUTTING_IN,
     FOLLOWING,
     IN_LANE,
     MOVING,
     OUT_OF_LANE,
     STAYING,
+    STRAIGHT_AHEAD,
     Disturbance,
     kept_room,
     ramp,
@@ -60,6 +63,22 @@ def _most_acceleration(game: Game, row: np.ndarray, gap: float, speed: float, as
 
 
 @njit(cache=True)
+def _steering_share(other: Disturbance, distance: float, width: float, room: float) -> float:
+    """Return which share of its steering a car may use towards a robot's side.
+
+    All of it far enough away, with the robot on its other side or straight behind, and where there is room to cut in.
+
+    Args:
+        other: its duties.
+        distance: m, of the robot from its line, on that side.
+        width: m, of the bodies.
+        room: m, the most that it may have beside the distance that it keeps.
+    """
+    near = 1.0 - ramp(distance - width, other.side_margin, other.side_margin + BESIDE)
+    return 1.0 - near * (1.0 - ramp(room, 0.0, CUTTING_IN)) * ramp(distance, 0.0, STRAIGHT_AHEAD)
+
+
+@njit(cache=True)
 def guaranteed_by_duties(
     game: Game, path: np.ndarray, first: int, speed: float, p_x: float, p_y: float, floor: float
 ) -> float:
@@ -78,6 +97,7 @@ def guaranteed_by_duties(
     most = least = weaved = 0.0  # m, of the other car's way along the road, and at most to the side
     to_left = to_right = 0.0  # m, by how much it may have come nearer to a robot on its left, on its right
     left = right = level_of_duties(target, other)
+    before, across_before = 0.0, (0.0, 0.0)
     for instant in range(len(path)):
         row = path[instant]
         x, y = p_x + row[X], p_y + row[Y]
@@ -90,15 +110,22 @@ def guaranteed_by_duties(
                 along = least - x - target.length - max(to_the_front, 0.0)
             else:
                 along = -target.length - max(max(from_behind, to_the_front), 0.0)
-            left = min(left, max(along, 4.0 * (y - to_left - row[LEFT]) ** 3))
-            right = min(right, max(along, 4.0 * (-y - to_right - row[RIGHT]) ** 3))
+            across = y - to_left - row[LEFT], -y - to_right - row[RIGHT]
+            if instant == first:
+                before, across_before = along, across
+            left = least_of_step((before, along), (across_before[0], across[0]), left)
+            right = least_of_step((before, along), (across_before[1], across[1]), right)
+            before, across_before = along, across
             if max(left, right) <= floor:
                 break
         if instant + 1 < len(path):
             step = path[instant + 1, TIME] - row[TIME]
             sideways = fastest * game.other_sideways * step
-            to_left += sideways * ramp(y - to_left - target.width, other.side_margin, other.side_margin + BESIDE)
-            to_right += sideways * ramp(-y - to_right - target.width, other.side_margin, other.side_margin + BESIDE)
+            behind = kept_room(other, x - least - target.length, slowest, row[SPEED])
+            ahead = kept_room(other, most - x - target.length, row[SPEED], fastest)
+            room = behind if x > most else (ahead if x < least else max(behind, ahead))
+            to_left += sideways * _steering_share(other, y - to_left, target.width, room)
+            to_right += sideways * _steering_share(other, -y - to_right, target.width, room)
             weaved += sideways
             gain = game.other_acceleration_max
             if x > most:

@@ -16,8 +16,8 @@ continuous in the state.
 """
 
 import math
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import NamedTuple, cast
 
 import numpy as np
 from numba import njit
@@ -27,17 +27,18 @@ from hj_cosim.reachability.games.contract import FLOATING_POINT
 
 # The solver asks for a state at every node, in single precision and in SIMD. So the constants are of single precision,
 # which leaves a double what it is, and what differs from state to state is selected rather than branched to.
-_ZERO, _HALF, _ONE, _TWO = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(2.0)
+_single = cast(Callable[[float], float], np.float32)
+_ZERO, _HALF, _ONE = _single(0.0), _single(0.5), _single(1.0)
 
 # m, over which the duties of who follows, who cuts in and who is beside set in.
-FOLLOWING, _CUTTING_IN, BESIDE = np.float32(4.0), np.float32(2.0), np.float32(0.5)
+FOLLOWING, CUTTING_IN, BESIDE = _single(4.0), _single(2.0), _single(0.5)
 # m between the lines of travel: up to the first a follower is bound whatever the robot does, beyond the second only by
 # a robot that does not move towards it.
-IN_LANE, OUT_OF_LANE = np.float32(1.0), np.float32(1.75)
+IN_LANE, OUT_OF_LANE = _single(1.0), _single(1.75)
 # m/s towards the other's line: up to the first a robot keeps its place, from the second on it changes lanes.
-STAYING, MOVING = np.float32(0.2), np.float32(0.7)
+STAYING, MOVING = _single(0.2), _single(0.7)
 # m of p_y, up to which the robot is partly straight ahead: there the other has it on neither side.
-_STRAIGHT_AHEAD = np.float32(0.5)
+STRAIGHT_AHEAD = _single(0.5)
 
 _PARAMETERS = ("other_heading_max", "other_acceleration_min", "other_acceleration_max")
 
@@ -143,11 +144,11 @@ def allowed(other: Disturbance, p_x: float, p_y: float, leftwards: float, v_r: f
     staying = near * (_ONE - ramp(towards, STAYING, MOVING))
     following = (in_lane if in_lane > staying else staying) * (_ONE - ramp(room, _ZERO, FOLLOWING))
     bound = does_duties * (following if behind else _ZERO)
-    withheld = does_duties * near * (_ONE - ramp(room, _ZERO, _CUTTING_IN))
+    withheld = does_duties * near * (_ONE - ramp(room, _ZERO, CUTTING_IN))
     sine, most = np.sin(other.heading_max), other.acceleration_max
     return Allowed(
-        -sine * (_ONE - withheld * ramp(-p_y, _ZERO, _STRAIGHT_AHEAD)),
-        sine * (_ONE - withheld * ramp(p_y, _ZERO, _STRAIGHT_AHEAD)),
+        -sine * (_ONE - withheld * ramp(-p_y, _ZERO, STRAIGHT_AHEAD)),
+        sine * (_ONE - withheld * ramp(p_y, _ZERO, STRAIGHT_AHEAD)),
         other.acceleration_min,
         most - bound * (most + other.brake_min),
     )

@@ -1,0 +1,285 @@
+"""A road that bends, and whose lanes begin and end: a chain of edges, as one smooth curve with lanes beside it.
+
+s is the simulator's own length along the chain, in which every lane of an edge is as long as the others, so that cars
+advance by ds = v dt in whichever lane. The curve r(s) is a cubic spline of one reference lane's centre line by that s:
+a metre of s is |r'(s)| metres of the reference lane, and |r'(s)| − ψ'(s) (d − d_ref) metres at the offset d, where ψ
+is the road's heading. A body that moves with v at the angle θ to the road advances by that much the less in s, and
+turns away from the road by ψ' ds/dt; see `Road.stretch_at` and `Road.bend_rate`.
+"""
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numba import njit
+from scipy.interpolate import CubicSpline
+
+from hj_cosim.scene.road import Coordinate
+
+_NEWTON_STEPS = 20
+_CLOSE_ENOUGH = 1e-9  # m of s
+# Of the way to a curve's centre: who is beyond is on the other side of it, where s and d mean nothing.
+_SMALLEST_STRETCH = 0.05
+
+
+@njit(cache=True)
+def curve_at(along: float, spacing: float, lap: float, coefficients: np.ndarray) -> tuple[float, ...]:
+    """Return x, y, x', y', x'', y'' of the reference lane's centre line; straight on before its beginning and its end.
+
+    Args:
+        along: s, m.
+        spacing: of the spline's knots, m of s.
+        lap: the length of one lap of a closed road, m; 0 of an open one.
+        coefficients: (2, 4, knots − 1), the highest power first.
+    """
+    if lap > 0.0:
+        along = along % lap
+    last = coefficients.shape[2] - 1
+    piece = min(max(int(along / spacing), 0), last)
+    inside = min(max(along - piece * spacing, 0.0), spacing)
+    beyond = along - piece * spacing - inside
+    a, b, c, d = coefficients[0, :, piece]
+    e, f, g, h = coefficients[1, :, piece]
+    x = ((a * inside + b) * inside + c) * inside + d
+    y = ((e * inside + f) * inside + g) * inside + h
+    x_1, y_1 = (3.0 * a * inside + 2.0 * b) * inside + c, (3.0 * e * inside + 2.0 * f) * inside + g
+    if beyond != 0.0:
+        return x + beyond * x_1, y + beyond * y_1, x_1, y_1, 0.0, 0.0
+    return x, y, x_1, y_1, 6.0 * a * inside + 2.0 * b, 6.0 * e * inside + 2.0 * f
+
+
+@njit(cache=True)
+def bend_and_stretch(
+    along: float, offset: float, spacing: float, lap: float, coefficients: np.ndarray
+) -> tuple[float, float]:
+    """Return ψ', 1/m, and how many metres of the world a metre of s is, `offset` m to the left of the curve."""
+    _, _, x_1, y_1, x_2, y_2 = curve_at(along, spacing, lap, coefficients)
+    squared = x_1 * x_1 + y_1 * y_1
+    bend = (x_1 * y_2 - y_1 * x_2) / squared
+    return bend, max(math.sqrt(squared) - bend * offset, _SMALLEST_STRETCH)
+
+
+@njit(cache=True)
+def place_on_curve(
+    x: float, y: float, near: float, spacing: float, lap: float, coefficients: np.ndarray
+) -> tuple[float, float, float]:
+    """Return s, the offset to the left of the curve (m) and ψ (rad) of a place in the world, by Newton's method.
+
+    Args:
+        x, y: m.
+        near: an s (m) at which to begin, not more than some ten metres away.
+        spacing, lap, coefficients: as for curve_at.
+    """
+    along = near
+    for _ in range(_NEWTON_STEPS):
+        at_x, at_y, x_1, y_1, x_2, y_2 = curve_at(along, spacing, lap, coefficients)
+        squared = x_1 * x_1 + y_1 * y_1
+        from_x, from_y = x - at_x, y - at_y
+        # |r'| − ψ' times the offset is what dr·r'/ds becomes, whatever the parameter.
+        slope = squared - (from_x * x_2 + from_y * y_2)
+        step = (from_x * x_1 + from_y * y_1) / max(slope, _SMALLEST_STRETCH * squared)
+        along += step
+        if abs(step) < _CLOSE_ENOUGH:
+            break
+    at_x, at_y, x_1, y_1, _, _ = curve_at(along, spacing, lap, coefficients)
+    offset = (-(x - at_x) * y_1 + (y - at_y) * x_1) / math.sqrt(x_1 * x_1 + y_1 * y_1)
+    return along, offset, math.atan2(y_1, x_1)
+
+
+@njit(cache=True)
+def _into_world(
+    along: np.ndarray, offset: np.ndarray, spacing: float, lap: float, coefficients: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return x, y (m) and ψ (rad), (N,) each, of places beside the curve."""
+    x, y, direction = np.empty(len(along)), np.empty(len(along)), np.empty(len(along))
+    for i in range(len(along)):
+        at_x, at_y, x_1, y_1, _, _ = curve_at(along[i], spacing, lap, coefficients)
+        norm = math.sqrt(x_1 * x_1 + y_1 * y_1)
+        x[i], y[i] = at_x - offset[i] * y_1 / norm, at_y + offset[i] * x_1 / norm
+        direction[i] = math.atan2(y_1, x_1)
+    return x, y, direction
+
+
+@njit(cache=True)
+def _sharpest(along: np.ndarray, offset: np.ndarray, spacing: float, lap: float, coefficients: np.ndarray) -> float:
+    """Return the largest |curvature|, 1/m, at places (N,), m, on lanes `offset` (2, N) m to the left of the curve."""
+    most = 0.0
+    for i in range(len(along)):
+        for side in range(2):
+            bend, stretch = bend_and_stretch(along[i], offset[side, i], spacing, lap, coefficients)
+            most = max(most, abs(bend) / stretch)
+    return most
+
+
+@dataclass(frozen=True, eq=False)
+class RouteRoad:
+    """A chain of edges as one road; see Road.
+
+    Lanes have one number all along: the right-most lane that there is anywhere is 0, and a lane that begins or ends
+    changes nobody else's number. Lane n's centre line is at d = n times the lane's width.
+    """
+
+    lane_count: int
+    lane_width: float  # m
+    length: float  # m, of all laps
+    knots: np.ndarray = field(repr=False)  # (K, 2) m, of the reference lane's centre line, evenly spaced in s
+    reference_lane: int  # whose centre line the curve is
+    section_start: np.ndarray = field(repr=False)  # (S,) m, where the lanes change, ascending, the first 0
+    first_lane: np.ndarray = field(repr=False)  # (S,) int, the right-most lane from there on
+    lanes_there: np.ndarray = field(repr=False)  # (S,) int, how many there are
+    leading_off: np.ndarray = field(repr=False)  # (S,) int, bit sets of the lanes that leave the road at its end
+    lap: float = 0.0  # m, of one lap of a closed road; 0 of an open one
+
+    @cached_property
+    def _spacing(self) -> float:
+        return (self.lap or self.length) / (len(self.knots) - 1)
+
+    @cached_property
+    def _coefficients(self) -> np.ndarray:
+        """The spline's (2, 4, knots − 1)."""
+        along = self._spacing * np.arange(len(self.knots))
+        ends = "periodic" if self.lap else "not-a-knot"
+        return np.ascontiguousarray(np.moveaxis(CubicSpline(along, self.knots, bc_type=ends).c, 2, 0))
+
+    @property
+    def is_straight(self) -> bool:
+        """False: this frame is not the world's, turned and moved."""
+        return False
+
+    @cached_property
+    def sharpest(self) -> float:
+        """The largest curvature of any lane's centre line, 1/m, looked for every metre."""
+        along = np.arange(0.0, self.lap or self.length, 1.0)
+        section = self._sections(along)
+        outermost = np.stack([self.first_lane[section], self.first_lane[section] + self.lanes_there[section] - 1])
+        offset = outermost * self.lane_width - self._reference
+        return float(_sharpest(along, offset, self._spacing, self.lap, self._coefficients))
+
+    def _section(self, along: float) -> int:
+        if self.lap:
+            along = along % self.lap
+        return max(int(np.searchsorted(self.section_start, along, side="right")) - 1, 0)
+
+    def _sections(self, along: np.ndarray) -> np.ndarray:
+        within = along % self.lap if self.lap else along
+        return np.maximum(np.searchsorted(self.section_start, within, side="right") - 1, 0)
+
+    def lanes_at(self, along: float) -> range:
+        """Return the lanes that exist at s."""
+        section = self._section(along)
+        first = int(self.first_lane[section])
+        return range(first, first + int(self.lanes_there[section]))
+
+    def _last_section(self, lane: int, along: float) -> int:
+        """Return the last section in a row in which a lane exists that exists at s; -1 where it does not end."""
+        section = self._section(along)
+        for later in range(section + 1, len(self.section_start)):
+            first = int(self.first_lane[later])
+            if not first <= lane < first + int(self.lanes_there[later]):
+                return later - 1
+        return -1
+
+    def lane_end(self, lane: int, along: float) -> float:
+        """Return the s (m) at which a lane ends that exists at s; inf where it does not end on this road, or lap."""
+        last = self._last_section(lane, along)
+        if last < 0:
+            return math.inf
+        laps = math.floor(along / self.lap) * self.lap if self.lap else 0.0
+        return laps + float(self.section_start[last + 1])
+
+    def leads_off(self, lane: int, along: float) -> bool:
+        """Return whether a lane that exists at s goes on beside this road where it ends on it; see Road."""
+        last = self._last_section(lane, along)
+        return last >= 0 and bool(int(self.leading_off[last]) >> lane & 1)
+
+    def lasting_lanes(self, along: np.ndarray, ahead: float) -> np.ndarray:
+        """Return the first and the last lane (J, 2) that exist from s (J,) to `ahead` m beyond; see Road."""
+        section = self._sections(along)
+        first, stop = self.first_lane[section], self.first_lane[section] + self.lanes_there[section]
+        within = along % self.lap if self.lap else along
+        for start, lowest, there in zip(self.section_start, self.first_lane, self.lanes_there, strict=True):
+            for begins in (start, start + self.lap) if self.lap else (start,):
+                is_reached = (begins > within) & (begins <= within + ahead)
+                first = np.where(is_reached, np.maximum(first, lowest), first)
+                stop = np.where(is_reached, np.minimum(stop, lowest + there), stop)
+        return np.column_stack([first, stop - 1])
+
+    def lane_centre(self, lane: int, along: float) -> float:
+        """Return the lateral offset of a lane's centre line, m."""
+        return lane * self.lane_width
+
+    def lane_centres(self, lane: np.ndarray, along: np.ndarray) -> np.ndarray:
+        """Return the lateral offsets (J,), m, of the centre lines of lanes (J,)."""
+        return np.asarray(lane * self.lane_width)
+
+    def lane_at(self, lateral: float, along: float) -> int:
+        """Return the lane whose centre line is nearest to a lateral offset (m), of those that exist at s."""
+        lanes = self.lanes_at(along)
+        return min(max(math.floor(lateral / self.lane_width + 0.5), lanes.start), lanes.stop - 1)
+
+    def nearest_lanes(self, lateral: np.ndarray, along: np.ndarray) -> np.ndarray:
+        """Return the lanes (J,) int whose centre lines are nearest to lateral offsets (J,); see lane_at."""
+        section = self._sections(along)
+        first = self.first_lane[section]
+        nearest = np.floor(lateral / self.lane_width + 0.5)
+        return np.clip(nearest, first, first + self.lanes_there[section] - 1).astype(np.int64)
+
+    def overlap_reach(self, width: float) -> float:
+        """Return how far from a lane's centre line (m) the centre of a body is that only touches the lane; see Road."""
+        return 0.5 * (self.lane_width + width)
+
+    def lanes_overlapped(self, lateral: float, width: float, along: float) -> range:
+        """Return the lanes that a body `width` m wide, with its centre at `lateral`, overlaps; see Road."""
+        reach, lanes = self.overlap_reach(width), self.lanes_at(along)
+        first = max(math.floor((lateral - reach) / self.lane_width) + 1, lanes.start)
+        last = min(math.ceil((lateral + reach) / self.lane_width) - 1, lanes.stop - 1)
+        return range(first, last + 1)
+
+    def lane_lines(self, along: float) -> np.ndarray:
+        """Return the lateral offsets (lanes there + 1,), m, of the lines beside the lanes at s, from the right."""
+        lanes = self.lanes_at(along)
+        return (np.arange(lanes.start, lanes.stop + 1) - 0.5) * self.lane_width
+
+    def heading_at(self, along: float) -> float:
+        """Return the road's heading in the world, rad, in (−π, π]."""
+        _, _, x_1, y_1, _, _ = curve_at(along, self._spacing, self.lap, self._coefficients)
+        return math.atan2(y_1, x_1)
+
+    def curvature_at(self, along: float) -> float:
+        """Return dheading/ds, 1/m, positive where the road bends to the left."""
+        return float(bend_and_stretch(along, 0.0, self._spacing, self.lap, self._coefficients)[0])
+
+    @property
+    def _reference(self) -> float:
+        return self.reference_lane * self.lane_width
+
+    def stretch_at(self, along: float, lateral: float) -> float:
+        """Return how many metres of the world a metre of s is at d; 1 all over a straight road."""
+        offset = lateral - self._reference
+        return float(bend_and_stretch(along, offset, self._spacing, self.lap, self._coefficients)[1])
+
+    def bend_rate(self, along: float, lateral: float, forward: float) -> float:
+        """Return how fast the road turns under who goes along it at `forward` m/s, rad/s: dθ/dt = ω − this."""
+        offset = lateral - self._reference
+        bend, stretch = bend_and_stretch(along, offset, self._spacing, self.lap, self._coefficients)
+        return float(bend * forward / stretch)
+
+    def to_world(
+        self, along: Coordinate, lateral: Coordinate, heading: Coordinate
+    ) -> tuple[Coordinate, Coordinate, Coordinate]:
+        """Return world x, y (m) and heading (rad) of road coordinates: three numbers, or three arrays of one shape."""
+        shape = np.shape(along)
+        s, d = np.ravel(np.asarray(along, float)), np.ravel(np.asarray(lateral, float))
+        places = _into_world(s, d - self._reference, self._spacing, self.lap, self._coefficients)
+        x, y, direction = (place.reshape(shape)[()] for place in places)  # of one place, a number
+        return x, y, direction + heading
+
+    def from_world(self, x: float, y: float, heading: float, near: float) -> tuple[float, float, float]:
+        """Return s, d (m) and the heading relative to the road (rad, in [−π, π]) of a place near an s; see Road."""
+        along, offset, direction = place_on_curve(x, y, near, self._spacing, self.lap, self._coefficients)
+        return along, offset + self._reference, math.remainder(heading - direction, math.tau)
+
+    def nearest_along(self, x: float, y: float) -> float:
+        """Return the s (m) of the spline's knot that is nearest to a place in the world, to begin `from_world` with."""
+        return self._spacing * float(np.argmin(np.hypot(*(self.knots - [x, y]).T)))
