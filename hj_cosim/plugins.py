@@ -1,16 +1,16 @@
-"""Planners and filters by reference: ours, those that installed packages bring, and those in a user's own file.
+"""Planners, filters and rogues' behaviours by reference: ours, those of installed packages, those in a user's own file.
 
 A reference is
 
-- a name: one of ours, or one that an installed package registers as an entry point of the group `hj_cosim.planners` or
-  `hj_cosim.filters`; a name stands for a reference of the next form;
+- a name: one of ours, or one that an installed package registers as an entry point of the group `hj_cosim.planners`,
+  `hj_cosim.filters` or `hj_cosim.behaviours`; a name stands for a reference of the next form;
 - `package.module:Class`, whatever can be imported;
 - `FILE.py:Class`, a Python file; a relative one starts from the current folder.
 
-What is referred to is a class with one method (planning/contract.py, control/contract.py). Its constructor is handed
-what it asks for by the names of its parameters, and nothing else. A class may have settings of its own: a class
-attribute `Options`, a subclass of `hj_cosim.settings.Settings`, is filled from `planner.options` or `filter.options`
-and handed over as `options`.
+What is referred to is a class with one method (the contracts of planning/, control/ and traffic/rogues/). Its
+constructor is handed what it asks for by the names of its parameters, and nothing else. A class may have settings of
+its own: a class attribute `Options`, a subclass of `hj_cosim.settings.Settings`, is filled from `planner.options`,
+`filter.options` or `scenario.rogues.options` and handed over as `options`.
 
 Nothing here can interrupt a method that never comes back: what an answer took is looked at when it is there.
 """
@@ -40,9 +40,11 @@ SLOWEST_ANSWER = 10.0
 class PluginKind:
     """A kind of plug-in: what it is called, what it must be able to do, and which ones come with the package."""
 
-    noun: str  # in sentences, and the group of settings that names it
+    noun: str  # in sentences
     method: str  # that its classes must have
     group: str  # of entry points
+    setting: str  # that names it
+    options: str  # settings of its own
     ours: Mapping[str, str]  # references by name
 
 
@@ -50,9 +52,12 @@ PLANNER = PluginKind(
     noun="planner",
     method="plan",
     group="hj_cosim.planners",
+    setting="planner.kind",
+    options="planner.options",
     ours={
         "hjop": "hj_cosim.planning.optimistic.planner:OptimisticPlanner",
         "op": "hj_cosim.planning.optimistic.planner:OptimisticPlannerWithoutValue",
+        "mppi": "hj_cosim.planning.mppi.planner:MppiPlanner",
         "idle": "hj_cosim.planning.idle:IdlePlanner",
     },
 )
@@ -60,6 +65,8 @@ FILTER = PluginKind(
     noun="filter",
     method="filter",
     group="hj_cosim.filters",
+    setting="filter.kind",
+    options="filter.options",
     ours={
         "spc": "hj_cosim.control.spc.filter:SafetyPreservingFilter",
         "rss": "hj_cosim.control.rss.filter:RssFilter",
@@ -90,14 +97,14 @@ def whole_reference(kind: PluginKind, reference: str) -> str:
     place, separator, name = reference.rpartition(":")
     if not place.endswith(".py"):
         return reference
-    return f"{whole_path(place, f'{kind.noun}.kind =')}{separator}{name}"
+    return f"{whole_path(place, f'{kind.setting} =')}{separator}{name}"
 
 
 def given(kind: PluginKind, plugin: object) -> str:
     """Return the reference of a class, or of an object that is to be used as it is; it is known from now on.
 
     Args:
-        kind: planner or filter.
+        kind: planner, filter or behaviour.
         plugin: a class, or an object of one.
     """
     plugin_class = plugin if isinstance(plugin, type) else type(plugin)
@@ -118,7 +125,7 @@ def find_plugin(kind: PluginKind, reference: str) -> object:
         PluginError: if the file or module cannot be imported.
     """
     reference = whole_reference(kind, reference)
-    asked = f"{kind.noun}.kind = {shown(repr(reference))}"
+    asked = f"{kind.setting} = {shown(repr(reference))}"
     if (kind.noun, reference) in _given:
         return _with_method(kind, _given[kind.noun, reference], asked)
     place, separator, name = reference.rpartition(":")
@@ -223,14 +230,14 @@ def options_of(kind: PluginKind, plugin: object, options: Mapping[str, Any]) -> 
     """Return the settings that a plug-in brings, filled; None if it brings none.
 
     Args:
-        kind: planner or filter.
+        kind: planner, filter or behaviour.
         plugin: as `find_plugin` returns it.
-        options: what `planner.options` or `filter.options` say.
+        options: what the kind's setting of options says.
 
     Raises:
         ConfigurationError: if there are options and the plug-in has none, or one is wrong, which is named.
     """
-    where = f"{kind.noun}.options"
+    where = kind.options
     plugin_class = plugin if isinstance(plugin, type) else type(plugin)
     model = getattr(plugin_class, "Options", None)
     if model is None or not isinstance(plugin, type):
@@ -250,7 +257,7 @@ def construct(kind: PluginKind, plugin: object, offered: Mapping[str, object]) -
     """Return an object of a plug-in's class, made with what its constructor asks for; an object as it is.
 
     Args:
-        kind: planner or filter.
+        kind: planner, filter or behaviour.
         plugin: as `find_plugin` returns it.
         offered: what constructors may ask for, by the names of their parameters.
 

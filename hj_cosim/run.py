@@ -71,8 +71,8 @@ def run_episode(
     Args:
         scenario: a name in sumo_net/, a path to a scenario TOML or to a SUMO configuration (.sumocfg), a Scenario, or a
             dict like the content of a scenario TOML; a run's config.toml repeats that run.
-        planner: hjop, op, idle, or one of one's own (planning/contract.py): `FILE.py:Class`, `package.module:Class`, a
-            class, or an object of one, which is used as it is; hjop unless given.
+        planner: hjop, op, mppi, idle, or one of one's own (planning/contract.py): `FILE.py:Class`,
+            `package.module:Class`, a class, or an object of one, which is used as it is; hjop unless given.
         filter: spc, rss, none, or one of one's own (control/contract.py), likewise; spc unless given.
         scheme: mi or sw, of the filters spc and rss.
         preset: best (unless given) or paper; a run's config.toml has its own.

@@ -62,7 +62,7 @@ def test_entry_points_are_names_like_ours_and_take_none_of_ours(monkeypatch):
 @pytest.mark.parametrize(
     ("text", "reference", "said"),
     [
-        ("", "dijkstra", "no planner is called so; choose one of hjop, op, idle, or write FILE.py:Class"),
+        ("", "dijkstra", "no planner is called so; choose one of hjop, op, mppi, idle, or write FILE.py:Class"),
         ("", "nowhere.py:Keep", "cannot read .*nowhere.py: No such file"),
         ("", "mine.py:Keep", "mine.py has no class 'Keep'"),
         (KEEP, "mine.py:Kept", "has no class 'Kept'; it has Keep$"),

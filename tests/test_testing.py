@@ -16,9 +16,10 @@ from hj_cosim.traffic.sources.scenarios import load_scenario
 from hj_cosim.traffic.sumo.world import SumoWorld
 
 
-@pytest.mark.parametrize("kind", ["hjop", "op", "idle"])
+@pytest.mark.parametrize("kind", ["hjop", "op", "mppi", "idle"])
 def test_our_planners_pass(kind):
-    check_planner(kind, PlannerSettings(expansions=20))
+    options = {"samples": 16, "horizon": 1.0} if kind == "mppi" else {}
+    check_planner(kind, PlannerSettings(expansions=20, options=options))
 
 
 @pytest.mark.parametrize("scheme", ["mi", "sw"])

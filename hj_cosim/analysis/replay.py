@@ -170,8 +170,10 @@ class FrameArtist:
             traffic.width[seen],
         )
         colours = np.round(255 * value_colours(self._values[sample, seen])).astype(int)
-        for corners, colour in zip(self._to_pixels(bodies, sample), colours, strict=True):
-            draw.polygon([tuple(corner) for corner in corners], tuple(colour[:3]), style.CAR_EDGE, OVERSAMPLING)
+        rogues = record.is_rogue[seen]
+        for corners, colour, rogue in zip(self._to_pixels(bodies, sample), colours, rogues, strict=True):
+            edge, width = (style.ROGUE, 3 * OVERSAMPLING) if rogue else (style.CAR_EDGE, OVERSAMPLING)
+            draw.polygon([tuple(corner) for corner in corners], tuple(colour[:3]), edge, width)
         x, y, heading = (
             column[sample : sample + 1] for column in (record.robot.x, record.robot.y, record.robot.heading)
         )

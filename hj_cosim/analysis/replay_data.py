@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.value_plot import VALUE_LIMIT, value_colours
 from hj_cosim.analysis.values import car_values
 from hj_cosim.reachability.table.table import ValueTable
@@ -56,6 +57,8 @@ def replay_data(
     step = float(record.time[every] - record.time[0]) if len(kept) > 1 else 1.0
     return {
         "names": list(traffic.names),
+        "rogues": record.is_rogue.tolist(),
+        "rogueColour": style.ROGUE,
         "lanes": record.road.lane_count,
         "laneWidth": record.road.lane_width,
         "robotLength": record.robot_length,

@@ -9,6 +9,7 @@ from urllib.parse import quote
 
 import pandas as pd
 
+from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE
 from hj_cosim.analysis.figures.gallery import TEXT_COLUMNS, draw_figure, read_study_table
 from hj_cosim.analysis.figures.stacks import STACK_COLUMNS, varying_factors
 from hj_cosim.analysis.html import figure, label, meaning, page, resource, shown, table_region, value_text
@@ -52,6 +53,8 @@ def study_page(folder: Path, place: Path, progress: Progress, *, replays: bool =
     figures = {"trade-off": "Safety over performance in windows of ten seconds."}
     if table.scenario.nunique() > 1:
         figures["density-sweep"] = "What denser traffic does."
+    if {BEHAVIOUR, SHARE} <= set(table.columns):
+        figures["attack"] = "What drivers who mean harm do."
     drawn = [figure(draw_figure(name, study=folder), caption) for name, caption in figures.items()]
     parts = [
         unfinished,

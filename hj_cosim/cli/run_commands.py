@@ -34,7 +34,7 @@ from hj_cosim.locations import runs_folder
 )
 def run(
     scenario: Scenario = "paper",
-    planner: Annotated[str | None, typer.Option(help="hjop, op, idle, or FILE.py:Class of your own.")] = None,
+    planner: Annotated[str | None, typer.Option(help="hjop, op, mppi, idle, or FILE.py:Class of your own.")] = None,
     filter: Annotated[str | None, typer.Option(help="spc, rss, none, or FILE.py:Class of your own.")] = None,
     scheme: Annotated[str | None, typer.Option(help="mi (minimally interventional) or sw (switching).")] = None,
     preset: Annotated[str | None, typer.Option(help="best or paper; best.")] = None,

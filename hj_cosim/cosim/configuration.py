@@ -12,16 +12,19 @@ from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import scenarios_folder, whole_name
 from hj_cosim.plugins import FILTER, PLANNER, find_plugin, options_of, whole_reference
 from hj_cosim.settings import (
+    MIXED,
     PRESETS,
     DriverSettings,
     EpisodeConfig,
     Scenario,
+    SimulationSettings,
     assignment_texts,
     overlay,
     parse_assignment,
     shown,
     validate,
 )
+from hj_cosim.traffic.rogues.catalogue import BEHAVIOUR
 from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.placement import initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path, own_path, scenario_data, scenario_path
@@ -124,10 +127,10 @@ def _with_layers(data: Mapping[str, Any], layers: Sequence[tuple[str, Mapping[st
 
 
 def _with_plugins(config: EpisodeConfig) -> EpisodeConfig:
-    """Return the configuration with whole references to planner and filter, and their options in full.
+    """Return the configuration with whole references to planner, filter and behaviours, and their options in full.
 
     Raises:
-        ConfigurationError, PluginError: if there is no such planner or filter, or its options are wrong.
+        ConfigurationError, PluginError: if there is none such, or its options are wrong.
     """
     changed: dict[str, Any] = {}
     for kind, settings in ((PLANNER, config.planner), (FILTER, config.filter)):
@@ -135,7 +138,39 @@ def _with_plugins(config: EpisodeConfig) -> EpisodeConfig:
         options = options_of(kind, find_plugin(kind, reference), settings.options)
         full = {} if options is None else options.model_dump(mode="json", exclude_none=True)
         changed[kind.noun] = settings.model_copy(update={"kind": reference, "options": full})
-    return config.model_copy(update=changed)
+    changed["simulation"] = _with_planners_period(config, changed["planner"].kind)
+    return config.model_copy(update=changed | {"scenario": _with_behaviours(config.scenario)})
+
+
+def _with_planners_period(config: EpisodeConfig, planner: str) -> SimulationSettings:
+    """Return the clocks with the planner's own period, where it brings one and no layer says another."""
+    simulation = config.simulation
+    own = getattr(find_plugin(PLANNER, planner), "plan_period", None)
+    if own is None or "plan_period" in simulation.model_fields_set:
+        return simulation
+    return validate(SimulationSettings, {**simulation.model_dump(), "plan_period": own}, f"{planner}: its plan_period")
+
+
+def _with_behaviours(scenario: Scenario) -> Scenario:
+    """Return a scenario with whole references to its rogues' behaviours, and their options in full.
+
+    Raises:
+        ConfigurationError, PluginError: if there is no such behaviour, or its options are wrong.
+    """
+
+    def whole(reference: str) -> str:
+        if reference != MIXED:
+            reference = whole_reference(BEHAVIOUR, reference)
+            find_plugin(BEHAVIOUR, reference)
+        return reference
+
+    rogues = scenario.rogues
+    changed: dict[str, Any] = {"behaviour": whole(rogues.behaviour)}
+    if rogues.behaviour != MIXED:
+        options = options_of(BEHAVIOUR, find_plugin(BEHAVIOUR, changed["behaviour"]), rogues.options)
+        changed["options"] = {} if options is None else options.model_dump(mode="json", exclude_none=True)
+    cars = tuple(car.model_copy(update={"rogue": car.rogue and whole(car.rogue)}) for car in scenario.cars)
+    return scenario.model_copy(update={"rogues": rogues.model_copy(update=changed), "cars": cars})
 
 
 def _require_room(config: EpisodeConfig) -> None:

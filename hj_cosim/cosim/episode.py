@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ from hj_cosim.recording.summary_file import summary_html, summary_sentence
 from hj_cosim.recording.versions import TABLE, program_versions
 from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target, is_possible
 from hj_cosim.settings import EpisodeConfig
-from hj_cosim.traffic.contract import World
+from hj_cosim.traffic.contract import World, WorldWithRogues
 from hj_cosim.traffic.sumo.own_world import OwnWorld
 from hj_cosim.traffic.sumo.world import SumoWorld
 from hj_cosim.vehicles.bicycle import steering_for
@@ -147,7 +148,9 @@ def drive(
                 audit.judge(decision, before, observation)
     if progress is not None:
         progress(samples, samples)
-    return Drive(recorder.finish(world.road, robot, world.vehicle_names, ended), guarded_filter.counts)
+    rogues = world.rogues if isinstance(world, WorldWithRogues) else {}
+    record = recorder.finish(world.road, robot, world.vehicle_names, ended, rogues)
+    return Drive(record, guarded_filter.counts)
 
 
 def _observe(world: World) -> Observation:
@@ -175,8 +178,12 @@ def _collided(observation: Observation, config: EpisodeConfig) -> bool:
     )
 
 
-def open_world(config: EpisodeConfig) -> SumoWorld | OwnWorld:
+def open_world(config: EpisodeConfig, table: ValueTable | None = None) -> SumoWorld | OwnWorld:
     """Return the world of a configuration: a scenario's, or a user's own simulation.
+
+    Args:
+        config: what to run.
+        table: the robot's, which rogues may use against it; needed where there are any.
 
     Raises:
         ConfigurationError, NetworkError, ScenarioError: if it cannot be built.
@@ -186,7 +193,8 @@ def open_world(config: EpisodeConfig) -> SumoWorld | OwnWorld:
     if scenario.own.is_given:
         fastest = config.planner.speed_high
         return OwnWorld(scenario, robot, seed, simulation.step, simulation.traffic_step, fastest)
-    return SumoWorld(scenario, robot, seed, simulation.step, traffic_step=simulation.traffic_step)
+    values = None if table is None else partial(car_values, table)
+    return SumoWorld(scenario, robot, seed, simulation.step, traffic_step=simulation.traffic_step, values=values)
 
 
 def run_in_sumo(
@@ -210,7 +218,7 @@ def run_in_sumo(
     """
     require_robot(table, config.robot)
     started = time.perf_counter()
-    with open_world(config) as world:
+    with open_world(config, table) as world:
         if announce is not None and isinstance(world, OwnWorld):
             announce(world.told)
         world.settle(config.simulation.settle_time)

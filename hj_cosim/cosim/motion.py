@@ -66,8 +66,11 @@ def in_existing_lane(target: Target, state: np.ndarray, road: Road) -> Target:
         state: (4,) p_x, p_y (m), θ (rad), v (m/s) in the road frame.
         road: the lanes.
     """
-    first, last = road.lasting_lanes(state[:1], float(state[3]) * LEAVE_BEFORE)[0].tolist()
-    if first <= target.lane <= last or first > last:
+    along, ahead = float(state[0]), float(state[3]) * LEAVE_BEFORE
+    if target.lane in road.lanes_at(along) and road.lane_end(target.lane, along) > along + ahead:
+        return target
+    first, last = road.lasting_lanes(state[:1], ahead)[0].tolist()
+    if first > last:
         return target
     return Target(min(max(target.lane, first), last), target.speed)
 

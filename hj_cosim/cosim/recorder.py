@@ -1,7 +1,7 @@
 """Collects an episode, sample by sample, into arrays that are allocated once."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -86,7 +86,9 @@ class Recorder:
         robot.intervening[sample] = decision.intervening(desired, self._limits)
         robot.slack[sample] = decision.slack
 
-    def finish(self, road: Road, robot: RobotSettings, names: Sequence[str], ended: str) -> RunRecord:
+    def finish(
+        self, road: Road, robot: RobotSettings, names: Sequence[str], ended: str, rogues: Mapping[str, str]
+    ) -> RunRecord:
         """Return what was taken, with the threat metrics of every sample.
 
         Args:
@@ -94,6 +96,7 @@ class Recorder:
             robot: its body.
             names: of all cars that were seen, by number.
             ended: why the drive was over.
+            rogues: what those among the cars do who mean harm, by name.
         """
         time, track = self._time[: self._taken], self._robot.first(self._taken)
         traffic = self._traffic.first(self._taken)
@@ -109,4 +112,5 @@ class Recorder:
             robot=track,
             threats=threat_track(track, traffic, robot.length, robot.width),
             ended=ended,
+            rogues=rogues,
         )

@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from hj_cosim.recording.columns import name_column, numeric_column, text_column
 from hj_cosim.recording.record import ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack
+from hj_cosim.recording.roles import role_column
 from hj_cosim.scene.road_text import road_to_json
 from hj_cosim.vehicles.idm import PARAMETER_NAMES
 
@@ -39,7 +40,7 @@ class RunFrames:
         """Every car at every sample, the robot among them as `robot`, the columns of trajectories.parquet.
 
         They are time (s), vehicle, x, y (centre of the body, m, road frame), heading (rad), speed (m/s), acceleration
-        (m/s²), lane (0: right), length, width (m).
+        (m/s²), lane (0: right), length, width (m); and role, where somebody means harm.
         """
         return trajectory_table(self.record, 0, len(self.record.time)).to_pandas()
 
@@ -64,6 +65,8 @@ def trajectory_table(record: RunRecord, start: int, stop: int) -> pa.Table:
         "length": numeric_column(np.append(record.robot_length, traffic.length)[column]),
         "width": numeric_column(np.append(record.robot_width, traffic.width)[column]),
     }
+    if record.rogues:
+        columns["role"] = role_column(column, (ROBOT_NAME, *traffic.names), record.rogues)
     return pa.table(columns).replace_schema_metadata({ROAD_KEY: road_to_json(road).encode()})
 
 

@@ -3,6 +3,8 @@
 Everything is SI and in the road frame; positions are body centres. T samples, J cars besides the robot.
 """
 
+import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -126,6 +128,13 @@ class RunRecord:
     robot: RobotTrack
     threats: ThreatTrack
     ended: str = DURATION  # why the drive was over
+    # What those cars do whose drivers mean harm, by name.
+    rogues: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+    @property
+    def is_rogue(self) -> np.ndarray:
+        """Return (J,) bool: which cars' drivers mean harm."""
+        return np.array([name in self.rogues for name in self.traffic.names], dtype=bool)
 
     def observation(self, sample: int) -> Observation:
         """Return what the robot saw at a sample; where a lane change leads was not recorded, so it is the lane."""

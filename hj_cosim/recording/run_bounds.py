@@ -18,6 +18,7 @@ from hj_cosim.scene.road_text import MOST_LANES, WIDEST_LANE
 MOST_SAMPLES = 1_000_000  # five and a half hours at 50 Hz
 MOST_CELLS = 100_000_000  # samples times cars: 4 GB as arrays
 MOST_ROWS = MOST_CELLS + MOST_SAMPLES
+TEXTS = ("vehicle", "value_vehicle", "role")  # the columns that hold names
 MOST_ROWS_AT_ONCE = 1 << 20  # in a row group; eight times what is written
 MOST_BYTES_AT_ONCE = 1 << 28  # of a row group, unpacked
 
@@ -40,9 +41,9 @@ def open_columns(path: Path) -> pq.ParquetFile:
     for field in file.schema_arrow:
         kind = field.type
         is_name = pa.types.is_dictionary(kind) and pa.types.is_string(kind.value_type)
-        if field.name in ("vehicle", "value_vehicle") and not is_name:
+        if field.name in TEXTS and not is_name:
             raise ValueError(f"{path.name}: column {field.name} is {kind}, and must be a dictionary of strings")
-        if field.name not in ("vehicle", "value_vehicle") and not _is_number(kind):
+        if field.name not in TEXTS and not _is_number(kind):
             raise ValueError(f"{path.name}: column {field.name} is {kind}, and must be of numbers")
     return file
 

@@ -20,6 +20,7 @@ from hj_cosim.files import naming_the_place, remove_abandoned, require_writable,
 from hj_cosim.locations import given_path
 from hj_cosim.recording.frames import ROAD_KEY, TRAFFIC_FLOATS, RunFrames, driver_table, robot_table, trajectory_table
 from hj_cosim.recording.record import DURATION, NO_VEHICLE, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
+from hj_cosim.recording.roles import rogues_of
 from hj_cosim.recording.run_bounds import (
     open_columns,
     plain_column,
@@ -243,7 +244,7 @@ def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> Ru
     first = _vehicle_names(trajectories)
     require_room(len(time), len(first))
     names = tuple(first[1:])
-    body = np.zeros((len(first), 2))
+    body, rogues = np.zeros((len(first), 2)), dict[str, str]()
     traffic = TrafficTrack.empty(names, body[1:, 0], body[1:, 1], len(time))
     for group in range(trajectories.num_row_groups):
         rows = trajectories.read_row_group(group)
@@ -255,6 +256,7 @@ def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> Ru
         columns = {name: plain_column(rows, name) for name in ("length", "width", *TRAFFIC_FLOATS, "lane")}
         require_finite(columns)
         body[car, 0], body[car, 1] = columns["length"], columns["width"]
+        rogues |= rogues_of(rows, car, first)
         others = car > 0
         place = (sample[others], car[others] - 1)
         traffic.present[place] = True
@@ -276,6 +278,7 @@ def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> Ru
         traffic=traffic,
         robot=RobotTrack(**{field.name: columns[field.name] for field in fields(RobotTrack)}),
         threats=ThreatTrack(**{field.name: columns[field.name] for field in fields(ThreatTrack)}),
+        rogues=rogues,
     )
 
 

@@ -101,7 +101,7 @@ class Target:
 class Control:
     """A low-level control of the robot."""
 
-    omega: float  # rad/s, yaw rate ω_r
+    omega: float  # rad/s, ω_r, how fast it turns against the road: its yaw rate on a straight one
     acceleration: float  # m/s², a_r
 
 

@@ -8,6 +8,7 @@ turns away from the road by ψ' ds/dt; see `Road.stretch_at` and `Road.bend_rate
 """
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -88,16 +89,23 @@ def place_on_curve(
 
 
 @njit(cache=True)
+def _one_into_world(
+    along: float, offset: float, spacing: float, lap: float, coefficients: np.ndarray
+) -> tuple[float, float, float]:
+    """Return x, y (m) and ψ (rad) of one place beside the curve."""
+    at_x, at_y, x_1, y_1, _, _ = curve_at(along, spacing, lap, coefficients)
+    norm = math.sqrt(x_1 * x_1 + y_1 * y_1)
+    return at_x - offset * y_1 / norm, at_y + offset * x_1 / norm, math.atan2(y_1, x_1)
+
+
+@njit(cache=True)
 def _into_world(
     along: np.ndarray, offset: np.ndarray, spacing: float, lap: float, coefficients: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return x, y (m) and ψ (rad), (N,) each, of places beside the curve."""
     x, y, direction = np.empty(len(along)), np.empty(len(along)), np.empty(len(along))
     for i in range(len(along)):
-        at_x, at_y, x_1, y_1, _, _ = curve_at(along[i], spacing, lap, coefficients)
-        norm = math.sqrt(x_1 * x_1 + y_1 * y_1)
-        x[i], y[i] = at_x - offset[i] * y_1 / norm, at_y + offset[i] * x_1 / norm
-        direction[i] = math.atan2(y_1, x_1)
+        x[i], y[i], direction[i] = _one_into_world(along[i], offset[i], spacing, lap, coefficients)
     return x, y, direction
 
 
@@ -156,10 +164,12 @@ class RouteRoad:
         offset = outermost * self.lane_width - self._reference
         return float(_sharpest(along, offset, self._spacing, self.lap, self._coefficients))
 
+    @cached_property
+    def _starts(self) -> list[float]:
+        return [float(start) for start in self.section_start]
+
     def _section(self, along: float) -> int:
-        if self.lap:
-            along = along % self.lap
-        return max(int(np.searchsorted(self.section_start, along, side="right")) - 1, 0)
+        return max(bisect_right(self._starts, along % self.lap if self.lap else along) - 1, 0)
 
     def _sections(self, along: np.ndarray) -> np.ndarray:
         within = along % self.lap if self.lap else along
@@ -173,6 +183,8 @@ class RouteRoad:
 
     def _last_section(self, lane: int, along: float) -> int:
         """Return the last section in a row in which a lane exists that exists at s; -1 where it does not end."""
+        if len(self._starts) == 1:
+            return -1
         section = self._section(along)
         for later in range(section + 1, len(self.section_start)):
             first = int(self.first_lane[later])
@@ -198,6 +210,8 @@ class RouteRoad:
         section = self._sections(along)
         first, stop = self.first_lane[section], self.first_lane[section] + self.lanes_there[section]
         within = along % self.lap if self.lap else along
+        if len(self._starts) == 1:
+            return np.column_stack([first, stop - 1])
         for start, lowest, there in zip(self.section_start, self.first_lane, self.lanes_there, strict=True):
             for begins in (start, start + self.lap) if self.lap else (start,):
                 is_reached = (begins > within) & (begins <= within + ahead)
@@ -269,6 +283,10 @@ class RouteRoad:
         self, along: Coordinate, lateral: Coordinate, heading: Coordinate
     ) -> tuple[Coordinate, Coordinate, Coordinate]:
         """Return world x, y (m) and heading (rad) of road coordinates: three numbers, or three arrays of one shape."""
+        if isinstance(along, float):
+            offset = float(lateral) - self._reference
+            place = _one_into_world(along, offset, self._spacing, self.lap, self._coefficients)
+            return place[0], place[1], place[2] + heading
         shape = np.shape(along)
         s, d = np.ravel(np.asarray(along, float)), np.ravel(np.asarray(lateral, float))
         places = _into_world(s, d - self._reference, self._spacing, self.lap, self._coefficients)

@@ -24,6 +24,7 @@ from hj_cosim.settings.layers import (
 from hj_cosim.settings.own_simulation import OwnSimulationSettings
 from hj_cosim.settings.planner import MOST_PREDICTION_STEPS, PlannerSettings
 from hj_cosim.settings.robot import RobotSettings, TrackingSettings
+from hj_cosim.settings.rogues import MIXED, RogueLimits, RogueSettings
 from hj_cosim.settings.scenario import (
     CarStart,
     DriverSettings,
@@ -40,6 +41,7 @@ __all__ = [
     "DEEPEST_TOML",
     "LARGEST_TOML",
     "LONGEST_TOML_LINE",
+    "MIXED",
     "MOST_PREDICTION_STEPS",
     "MOST_RECORDED",
     "PRESETS",
@@ -56,6 +58,8 @@ __all__ = [
     "PlannerSettings",
     "RobotSettings",
     "RobotStart",
+    "RogueLimits",
+    "RogueSettings",
     "RssParameters",
     "Scenario",
     "Scheme",

@@ -30,7 +30,7 @@ class SimulationSettings(Settings):
         le=0.5,
         description="of SUMO, a multiple of simulation.step; cars move continuously within it",
     )
-    plan_period: Seconds = Field(1.0, gt=0, le=3600, description="between plans")
+    plan_period: Seconds = Field(1.0, gt=0, le=3600, description="between plans; mppi has 0.1 unless given")
     settle_time: Seconds = Field(3.0, ge=0, le=3600, description="the traffic settles before the robot takes over")
     on_collision: Literal["stop", "continue"] = Field(
         "stop", description="whether the drive ends where the robot's body overlaps a car's"

@@ -15,8 +15,8 @@ class PlannerSettings(Settings):
 
     kind: str = Field(
         "hjop",
-        description="hjop, op, idle, a name that a package registers, FILE.py:Class or package.module:Class",
-        examples=["hjop", "op", "idle"],
+        description="hjop, op, mppi, idle, a name that a package registers, FILE.py:Class or package.module:Class",
+        examples=["hjop", "op", "mppi", "idle"],
     )
     gamma_r: Number = Field(0.9, ge=0, le=1, description="γ_R, weight of the driving reward in HJOP; OP has 1")
     value_clip: Metres = Field(8.0, gt=0, description="the HJI reward is clipped to ± this")

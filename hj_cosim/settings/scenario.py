@@ -15,6 +15,7 @@ from hj_cosim.settings.base import (
     Unit,
 )
 from hj_cosim.settings.own_simulation import OwnSimulationSettings
+from hj_cosim.settings.rogues import RogueSettings
 
 
 class NormalDistribution(Settings):
@@ -119,6 +120,7 @@ class CarStart(Settings):
     x: Metres = Field(description="its centre ahead of the robot's; negative behind it")
     speed: MetresPerSecond = Field(ge=0, description="at the start")
     desired_speed: MetresPerSecond | None = Field(None, gt=0, description="drawn like any driver's when left out")
+    rogue: str | None = Field(None, min_length=1, description="a behaviour as in rogues.behaviour; none when left out")
 
 
 class StreamSettings(Settings):
@@ -149,6 +151,16 @@ class Scenario(Settings):
     own: OwnSimulationSettings = Field(OwnSimulationSettings(), description="a user's own simulation to drive in")
     cars: tuple[CarStart, ...] = Field((), description="cars at given places, beside the drawn ones")
     streams: tuple[StreamSettings, ...] = Field((), description="cars that come later, where the road is a route")
+    rogues: RogueSettings = Field(RogueSettings(), description="drivers who mean harm")
+
+    @model_validator(mode="after")
+    def _has_cars_for_rogues(self) -> "Scenario":
+        if self.own.is_given and self.rogues.share > 0.0:
+            raise ValueError(
+                f"rogues.share = {self.rogues.share:g}, but rogues take the scenario's own cars, of which a user's"
+                " simulation (own.file) has none; leave one of the two out"
+            )
+        return self
 
     @model_validator(mode="after")
     def _streams_have_a_route(self) -> "Scenario":

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
 from hj_cosim.analysis.figures.density_sweep import density_sweep
 from hj_cosim.analysis.figures.gallery import scenario_densities
 from hj_cosim.analysis.figures.style import save_drawing
@@ -32,6 +33,8 @@ def draw_figures(study: Path, table: pd.DataFrame, windows: pd.DataFrame, figure
     for values, own in windows.groupby(varying, sort=False):
         name = "-".join(["trade-off", *(_part(key, value) for key, value in zip(varying, values, strict=True))])
         save_drawing(trade_off(own), figures / f"{name}.png")
+    if {BEHAVIOUR, SHARE} <= set(factors):
+        save_drawing(attack(table), figures / "attack.png")
     if varying == ["scenario"]:
         save_drawing(density_sweep(table, scenario_densities(study)), figures / "density-sweep.png")
 

@@ -11,7 +11,7 @@ from hj_cosim.settings import shown
 
 NO_SCHEME = "-"  # the scheme of a stack without a filter, or with one that has no schemes
 
-_PLANNERS = ("hjop", "op", "idle")
+_PLANNERS = ("hjop", "op", "mppi", "idle")
 _FILTERS = ("spc", "rss")
 _SCHEMES = ("sw", "mi")
 

@@ -1,7 +1,7 @@
 """What an episode needs of the traffic around the robot, whoever simulates it."""
 
-from collections.abc import Sequence
-from typing import Protocol, Self
+from collections.abc import Mapping, Sequence
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
@@ -75,3 +75,13 @@ class World(Protocol):
     def __enter__(self) -> Self: ...
 
     def __exit__(self, *exception: object) -> None: ...
+
+
+@runtime_checkable
+class WorldWithRogues(World, Protocol):
+    """A world that knows of some cars that their drivers mean harm."""
+
+    @property
+    def rogues(self) -> Mapping[str, str]:
+        """What each of them does, a behaviour's name by the car's; it is recorded, and no planner or filter sees it."""
+        ...

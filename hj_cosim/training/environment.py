@@ -18,6 +18,7 @@ from hj_cosim.metrics.threats import collides
 from hj_cosim.planning.contract import ACTION_COUNT, FASTER, LEFT, RIGHT, SLOWER
 from hj_cosim.planning.optimistic.reward import reward_model, total_reward
 from hj_cosim.reachability.table.cars import car_values
+from hj_cosim.reachability.table.store import load_table
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Control, Observation, Target
 from hj_cosim.scene.road import Road
@@ -85,11 +86,14 @@ class HighwayEnv(gymnasium.Env[np.ndarray, Any]):
         )
         self._world: World | None = None
         self._filter: GuardedFilter | None = None
-        self._make_filter: tuple[MakeFilter, ValueTable] | None = None
+        self._make_filter: MakeFilter | None = None
+        scenario = self.config.scenario
+        has_rogues = scenario.rogues.share > 0.0 or any(car.rogue is not None for car in scenario.cars)
+        self._table = load_table(self.config.table, robot=self.config.robot) if has_rogues else None
 
     def filter_with(self, make_filter: MakeFilter, table: ValueTable) -> None:
         """Have a safety filter between every action and the robot from the next `reset` on; see SafetyFilterWrapper."""
-        self._make_filter = make_filter, table
+        self._make_filter, self._table = make_filter, table
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -103,7 +107,7 @@ class HighwayEnv(gymnasium.Env[np.ndarray, Any]):
         self.close()
         traffic_seed = int(self.np_random.integers(2**31)) if seed is None else seed
         config = self.config.model_copy(update={"seed": traffic_seed})
-        self._world = open_world(config)
+        self._world = open_world(config, self._table)
         self._world.settle(config.simulation.settle_time)
         self._now = self._world.observe()
         self._road = self._world.road
@@ -112,10 +116,9 @@ class HighwayEnv(gymnasium.Env[np.ndarray, Any]):
         self._target = Target(self._road.lane_at(lateral, along), speed)
         self._desired = Control(0.0, 0.0)
         self._sample = 0
-        if self._make_filter is not None:
-            make_filter, table = self._make_filter
-            self._filter = GuardedFilter(make_filter(config, self._road, table), config.robot)
-            self._filter.prepare(self._now, car_values(table, self._now))
+        if self._make_filter is not None and self._table is not None:
+            self._filter = GuardedFilter(self._make_filter(config, self._road, self._table), config.robot)
+            self._filter.prepare(self._now, car_values(self._table, self._now))
         return self._observed(), {"seed": traffic_seed}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -186,9 +189,9 @@ class HighwayEnv(gymnasium.Env[np.ndarray, Any]):
         return self._desired
 
     def _filtered(self, desired: Control) -> Control:
-        if self._filter is None or self._make_filter is None:
+        if self._filter is None or self._table is None:
             return desired
-        return self._filter.filter(self._now, car_values(self._make_filter[1], self._now), desired).control
+        return self._filter.filter(self._now, car_values(self._table, self._now), desired).control
 
     def _move(self, control: Control) -> str:
         """Make a step of the simulation; return why the drive cannot go on, or nothing."""

@@ -86,7 +86,7 @@ def traffic_realism(
 ) -> tuple[TrafficMeasures, list[Finding]]:
     """Return how real the background traffic of a configuration is.
 
-    The robot is a mean driver that keeps its lane, and counts nowhere.
+    The robot is a mean driver that keeps its lane, and counts nowhere; rogues drive as anybody.
 
     Args:
         config: scenario, drivers, clocks; on the seeds `config.seed`, `config.seed` + 1, ...
@@ -102,6 +102,9 @@ def traffic_realism(
         raise ScenarioError(
             f"scenario {config.scenario.name} places all its cars by hand, a scene and no traffic; choose another"
         )
+    honest = config.scenario.rogues.model_copy(update={"share": 0.0})
+    scenario = config.scenario.model_copy(update={"rogues": honest})
+    config = config.model_copy(update={"scenario": scenario})
     lanes = 0
 
     def drives() -> Iterator[list[Observation]]:

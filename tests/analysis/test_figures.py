@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
 from hj_cosim.analysis.figures.control_sets import control_sets
 from hj_cosim.analysis.figures.density_sweep import density_sweep
 from hj_cosim.analysis.figures.gallery import FIGURES, draw_figure
@@ -134,6 +135,25 @@ def test_the_density_sweep_goes_from_light_to_dense():
     )
     data = density_sweep(table, {"light": 6.0, "paper": 13.0}).data
     assert data.scenario.tolist() == ["light"] * 3 + ["paper"] * 3
+
+
+def test_the_attack_has_a_column_of_panels_for_each_behaviour_and_shares_in_order():
+    metrics = ("collisions", "collisions_responsible", "mean_speed")
+    table = pd.DataFrame(
+        {BEHAVIOUR: behaviour, SHARE: share, "planner": p, "filter": f, "scheme": s, "episodes": 3}
+        | {f"{metric}{end}": share for metric in metrics for end in ("", "_lo", "_hi")}
+        for behaviour in ("cut_in", "worst")
+        for share in (0.2, 0.05)
+        for p, f, s in STACKS
+    )
+    drawing = attack(table)
+    panels = np.array(drawing.figure.axes).reshape(3, 2)
+    assert [axes.get_title(loc="left") for axes in panels[0]] == ["cut_in", "worst"]
+    for axes in panels.flat:
+        lines = [bars.lines[0] for bars in axes.containers]
+        assert len(lines) == len(STACKS)
+        assert all(line.get_xdata().tolist() == [5.0, 20.0] for line in lines)
+    assert len(drawing.data) == len(table)
 
 
 def test_a_drawing_is_saved_as_raster_vector_and_table_and_the_same_each_time(run, tmp_path):

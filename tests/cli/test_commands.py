@@ -97,7 +97,7 @@ def test_printed_template_is_a_scenario_that_runs(call, small_specification, tmp
     [
         (("run", "papr"), "no scenario is called 'papr'; choose one of"),
         (("run", "--preset", "bst"), "no preset is called 'bst'; choose one of best, paper"),
-        (("run", "--planner", "mcts"), "planner.kind = 'mcts': no planner is called so; choose one of hjop, op, idle"),
+        (("run", "--planner", "mcts"), "'mcts': no planner is called so; choose one of hjop, op, mppi, idle"),
         (("run", "--seed", "-1"), "seed = -1"),
         (("run", "--duration", "0"), "simulation.duration = 0.0"),
         (("run", "--table", "highwy"), "no table specification is called 'highwy'"),

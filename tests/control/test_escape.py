@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from filter_in_loop import FilterInLoop
@@ -185,3 +187,31 @@ def test_the_heading_stays_within_the_table_s_though_nobody_is_near(table, obser
         result = spc.filter(observe([0.0, 4.0, heading, 25.0], []), Control(desired, 0.0))
         assert least <= result.control.omega <= most
         assert abs(heading + result.control.omega * STEP) < max(0.4, abs(heading))
+
+
+@pytest.fixture(scope="module")
+def dutiful(table):
+    """The manoeuvres among cars that do their duties."""
+    parameters = {"responsible": 1.0, "brake_min": 6.0}
+    specification = table.specification.model_copy(update={"parameters": parameters})
+    return manoeuvres_for(dataclasses.replace(table, specification=specification), ROBOT)
+
+
+@pytest.mark.parametrize("heading", [0.0, 1e-7, -1e-7], ids=str)
+def test_behind_a_car_that_cuts_in_the_robot_brakes_though_its_heading_is_rounded(dutiful, heading):
+    robot, driven = [0.0, 0.0, heading, 25.0], NO_MANOEUVRE
+    for _ in range(3):
+        omega, acceleration, verdict, driven = kept(dutiful, robot, [[12.0, 0.5, 22.0]], driven=driven)
+        assert (acceleration, verdict) == (ROBOT.acceleration_min, NO_ESCAPE)
+        assert omega == pytest.approx(0.0, abs=1e-5)
+
+
+def test_nobody_brakes_for_a_car_behind_that_does_not_do_its_duty(dutiful):
+    robot, too_close = [0.0, 0.0, 0.0, 22.0], [-7.0, 0.0, 22.0]
+    assert kept(dutiful, robot, [too_close]) == (*FULL_SPEED, PASSED, NO_MANOEUVRE)
+    # Who is ahead counts all the same.
+    assert kept(dutiful, robot, [too_close, [9.0, 0.0, 22.0]])[1:3] == (ROBOT.acceleration_min, NO_ESCAPE)
+
+
+def test_among_the_worst_who_is_behind_counts(manoeuvres):
+    assert kept(manoeuvres, [0.0, 0.0, 0.0, 22.0], [[-7.0, 0.0, 22.0]])[2] == NO_ESCAPE

@@ -142,3 +142,27 @@ def test_settings_are_judged_together_and_the_first_that_makes_no_sense_is_named
         resolve_config("light", assignments=slow[:1])
     with pytest.raises(ConfigurationError, match=r"--set planner.gamma_r=2: planner.gamma_r = 2"):
         resolve_config("light", assignments=["simulation.duration=1", "planner.gamma_r=2", "filter.epsilon=-1"])
+
+
+def test_behaviours_are_named_in_full_with_their_options(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text("class Weave:\n    def act(self, view):\n        return None\n")
+    rogues = resolve_config(assignments=["scenario.rogues.behaviour=mine.py:Weave"]).scenario.rogues
+    assert rogues.behaviour == f"{tmp_path / 'mine.py'}:Weave"
+    given = ["scenario.rogues.behaviour=cut_in", "scenario.rogues.options.gap=2.0"]
+    assert resolve_config(assignments=given).scenario.rogues.options == {"gap": 2.0, "rest": 4.0}
+    with pytest.raises(ConfigurationError, match=r"scenario.rogues.options.*'gep'"):
+        resolve_config(assignments=[*given, "scenario.rogues.options.gep=2.0"])
+
+
+def test_a_users_simulation_has_no_cars_for_rogues():
+    with pytest.raises(ConfigurationError, match="rogues take the scenario's own cars"):
+        resolve_config(assignments=["scenario.own.file=mine.sumocfg", "scenario.rogues.share=0.1"])
+
+
+def test_a_planner_brings_its_period_unless_a_layer_says_another():
+    assert resolve_config().simulation.plan_period == 1.0
+    mppi = resolve_config(flags=stack_flags(planner="mppi"))
+    assert mppi.simulation.plan_period == 0.1
+    given = resolve_config(flags=stack_flags(planner="mppi"), assignments=["simulation.plan_period=0.5"])
+    assert given.simulation.plan_period == 0.5

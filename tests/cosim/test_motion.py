@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from bent_roads import WIDTH, circle
 
+from hj_cosim.control.tracking import tracking_control
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.motion import in_existing_lane, moved, require_bends, yaw_rate
 from hj_cosim.errors import NetworkError
+from hj_cosim.locations import scenarios_folder
 from hj_cosim.scene.observation import Target
 from hj_cosim.scene.road import StraightRoad
-from hj_cosim.settings import RobotSettings
+from hj_cosim.settings import NetworkSettings, RobotSettings, TrackingSettings
+from hj_cosim.traffic.route import read_network
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 
 
@@ -75,3 +78,19 @@ def test_a_target_in_a_lane_that_is_not_there_or_ends_in_a_moment_becomes_the_ne
     for s, lane, followed in [(400.0, 0, 0), (520.0, 0, 1), (520.0, 2, 1), (520.0, 1, 1), (700.0, 0, 1), (700.0, 2, 1)]:
         state = np.array([s, lane * WIDTH, 0.0, 25.0])
         assert in_existing_lane(Target(lane, 22.0), state, road) == Target(followed, 22.0)
+
+
+@pytest.mark.parametrize("lane", [0, 1, 2])
+def test_the_robot_keeps_to_its_lane_at_30_m_s_through_the_bends_of_500_m(lane):
+    path = scenarios_folder() / "curves.net.xml"
+    road, _ = read_network(path, NetworkSettings(file=str(path), from_edge="e15", to_edge="e22"))
+    robot, gains, target = RobotSettings(), TrackingSettings(), Target(lane, 30.0)
+    state, farthest, sharpest = np.array([5.0, road.lane_centre(lane, 0.0), 0.0, 30.0]), 0.0, 0.0
+    while state[0] < road.length - 10.0:
+        wanted = tracking_control(state, target, road, gains, robot)
+        steering = steering_for(yaw_rate(state, wanted.omega, road), float(state[3]), robot.wheelbase)
+        state = moved(state, steering, wanted.acceleration, road, robot, 0.02)
+        farthest = max(farthest, abs(state[1] - road.lane_centre(lane, state[0])))
+        sharpest = max(sharpest, abs(road.curvature_at(float(state[0]))))
+    assert sharpest == pytest.approx(1.0 / 500.0, rel=0.05)
+    assert farthest < 0.05

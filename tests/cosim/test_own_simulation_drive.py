@@ -10,7 +10,7 @@ from own_configurations import content, simulation
 from hj_cosim.analysis.export import export_run
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.reachability.table.store import table_path
+from hj_cosim.reachability.table.store import kept_table
 from hj_cosim.recording.run_folder import read_run
 from hj_cosim.study.design import design_study
 from hj_cosim.study.driving import drive_episode
@@ -75,7 +75,7 @@ def test_a_study_of_theirs_has_other_drives_by_seed(theirs, small_specification,
     chosen = []
     for cell, seed in design.episodes():
         folder = tmp_path / str(seed)
-        drive_episode(EpisodeJob(cell.config_of(seed), table_path(small_specification), folder))
+        drive_episode(EpisodeJob(cell.config_of(seed), kept_table(str(small_specification)), folder))
         chosen.append(tomllib.loads((folder / "own_simulation.toml").read_text())["chosen"][0])
     assert len(set(chosen)) == 3
     assert len({sentence.split(" at ")[1] for sentence in chosen}) == 3  # not even at the same time

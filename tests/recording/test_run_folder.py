@@ -185,3 +185,23 @@ def test_a_drive_on_a_bend_is_read_back_with_its_road(make_record, tmp_path):
     road = circle(300.0)
     write_run(tmp_path / "run", make_record(road=road), 'seed = 3\n[scenario]\nname = "mine"\n', SUMMARY)
     assert road_to_json(read_run(tmp_path / "run").record.road) == road_to_json(road)
+
+
+def test_who_means_harm_is_a_column_where_anybody_does(tmp_path, record):
+    rogues = {record.traffic.names[2]: "cut_in", record.traffic.names[0]: "Weave"}
+    write_run(tmp_path / "some", replace(record, rogues=rogues), CONFIG, SUMMARY)
+    rows = pd.read_parquet(tmp_path / "some" / "trajectories.parquet")
+    assert list(rows.columns) == [*TRAJECTORY_COLUMNS, "role"]
+    roles = rows.groupby("vehicle", observed=True).role.unique()
+    assert all(len(role) == 1 for role in roles)
+    said = {name: role[0] for name, role in roles.items()}
+    assert said.pop("robot") == "robot"
+    assert said == {name: rogues.get(name, "driver") for name in said}
+    back = read_run(tmp_path / "some").record
+    assert back.rogues == {name: what for name, what in rogues.items() if name in said}
+    assert back.is_rogue.sum() == len(back.rogues) == 2
+
+
+def test_nobody_means_harm_where_the_column_is_not_there(tmp_path, record):
+    write_run(tmp_path / "none", record, CONFIG, SUMMARY)
+    assert read_run(tmp_path / "none").record.rogues == {}

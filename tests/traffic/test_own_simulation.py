@@ -3,13 +3,15 @@
 import libsumo
 import numpy as np
 import pytest
+from bent_roads import road_through
 from own_configurations import DEMAND, content, network, simulation
 
 from hj_cosim.errors import DriveEnded, NetworkError, ScenarioError, SimulationError
 from hj_cosim.settings import DriverSettings, OwnSimulationSettings, RobotSettings, Scenario
 from hj_cosim.traffic.junctions import read_junctions
+from hj_cosim.traffic.road_end import RoadEnd
 from hj_cosim.traffic.settling import follow_lane, robot_driver
-from hj_cosim.traffic.sumo.own_world import OwnWorld
+from hj_cosim.traffic.sumo.own_world import OwnWorld, _before_sharp_bends
 from hj_cosim.traffic.sumo.puppet import ROBOT
 
 STEP, TRAFFIC_STEP = 0.02, 0.1
@@ -240,3 +242,39 @@ def test_the_planner_is_told_what_is_known_of_those_near_by_their_types(tmp_path
         assert driver.desired_speed.mean == pytest.approx(share * 23.0 + (1.0 - share) * 33.0, abs=1.5)
         assert driver.max_acceleration.deviation == 0.0
         assert "the planner predicts the others as MOBIL and IDM drivers with desired_speed" in world.told
+
+
+def test_a_lorry_that_slides_into_the_next_lane_while_it_stands_is_not_turned_across_the_road(tmp_path):
+    with open_own(simulation(tmp_path), ego="cars.3", begin=15.0, near=600.0) as world:
+        libsumo.vehicle.setPreviousSpeed("lorries.0", 0.3)
+        libsumo.vehicle.setSpeed("lorries.0", 0.3)
+        libsumo.vehicle.setLaneChangeMode("lorries.0", 0)
+        libsumo.vehicle.changeLane("lorries.0", 1, 30.0)
+        headings, lateral = [], []
+        for _, seen in drive(world, 250, 5.0):
+            car = np.flatnonzero(seen.vehicle == world.vehicle_names.index("lorries.0"))
+            headings.append(float(seen.heading[car][0]))
+            lateral.append(float(seen.y[car][0]))
+    assert max(lateral) == pytest.approx(3.5)
+    assert np.abs(np.diff(lateral)).max() < 0.05
+    assert 0.05 < max(np.abs(headings)) < 0.2
+
+
+def test_the_drive_ends_before_a_bend_that_takes_more_than_the_robot_keeps_for_bends():
+    """Straight for 500 m, then ever sharper (s is on a clothoid's: curvature grows by 1/20,000 a metre of it)."""
+    along = np.arange(0.0, 1001.0, 10.0)
+    fine = np.linspace(0.0, 1000.0, 100_001)
+    direction = 0.5 * np.maximum(fine - 500.0, 0.0) ** 2 / 20_000.0
+    x, y = (np.append(0.0, np.cumsum(np.diff(fine) * part[:-1])) for part in (np.cos(direction), np.sin(direction)))
+    road = road_through(np.column_stack([np.interp(along, fine, x), np.interp(along, fine, y)]), 1000.0)
+    robot, end = RobotSettings(), RoadEnd(1000.0, "end", "")
+    sharpest = min(robot.bend_rate_max / 30.0, robot.bend_acceleration_max / 30.0**2)
+    found = _before_sharp_bends(road, robot, 30.0, 0.0, end)
+    assert found.reason == "bend that is too sharp"
+    assert found.along == pytest.approx(500.0 + 20_000.0 * sharpest, abs=3.0)
+    assert "at 30 m/s; lower robot.speed_max" in found.remedy
+    assert _before_sharp_bends(road, robot, 5.0, 0.0, end) is end
+    with pytest.raises(
+        NetworkError, match=r"where the robot takes over there is a bend of radius 1\d\d m, and 200 m is"
+    ):
+        _before_sharp_bends(road, robot, 30.0, 650.0, end)

@@ -9,6 +9,8 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from hj_cosim.analysis.figures import control_sets as control_sets_figure
+from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
+from hj_cosim.analysis.figures.attack import ROWS as ATTACK_ROWS
 from hj_cosim.analysis.figures.density_sweep import PANELS, density_sweep
 from hj_cosim.analysis.figures.drive_map import drive_map
 from hj_cosim.analysis.figures.highway import highway
@@ -63,6 +65,11 @@ def _density_sweep_of(folder: Path) -> Drawing:
     return density_sweep(table, densities)
 
 
+def _attack_of(folder: Path) -> Drawing:
+    metrics = [f"{metric}{ending}" for metric, _ in ATTACK_ROWS for ending in ("", "_lo", "_hi")]
+    return attack(read_study_table(folder / TABLE, (BEHAVIOUR, SHARE, *STACK_COLUMNS, "episodes", *metrics)))
+
+
 FIGURES: Mapping[str, FigureKind] = {
     "schematic": FigureKind("table", "the robot among cars, on the value function", schematic),
     "boxed-in": FigureKind("table", "the robot boxed in by four cars", boxed_in),
@@ -77,6 +84,7 @@ FIGURES: Mapping[str, FigureKind] = {
         "run", "safe controls of SPC and RSS, MI and SW", control_sets_figure.control_sets, True
     ),
     "trade-off": FigureKind("study", "1st percentile TTC over mean speed, with ellipses", _trade_off_of),
+    "attack": FigureKind("study", "collisions and speed over the share of drivers who mean harm", _attack_of),
     "density-sweep": FigureKind("study", "speed, safety and interventions over the density", _density_sweep_of),
 }
 
@@ -152,7 +160,7 @@ def read_study_table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
 
     Args:
         path: the file.
-        columns: what it must have; those not in TEXT_COLUMNS hold numbers.
+        columns: what it must have; those not in TEXT_COLUMNS, and no rogues' behaviour, hold numbers.
 
     Raises:
         RunFolderError: if it is missing, broken, too large, or has not those columns.
@@ -173,6 +181,6 @@ def read_study_table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     for name in columns:
         if name not in table:
             raise RunFolderError(f"{broken} has no column {name}")
-        if name not in TEXT_COLUMNS and not pd.api.types.is_numeric_dtype(table[name]):
+        if name not in (*TEXT_COLUMNS, BEHAVIOUR) and not pd.api.types.is_numeric_dtype(table[name]):
             raise RunFolderError(f"{broken}: column {name} must be of numbers")
     return table

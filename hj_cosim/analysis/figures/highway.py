@@ -38,7 +38,8 @@ def highway(run: Run, table: ValueTable, time: float | None = None) -> style.Dra
         columns = (traffic.x[sample, seen], traffic.y[sample, seen], traffic.heading[sample, seen])
         x, y, heading = View(record.road, float(record.robot.x[sample])).place(*columns)
         corners = body_corners(x, y, heading, traffic.length[seen], traffic.width[seen])
-        draw_cars(axes, corners, value_colours(values[seen]), zorder=4.0)
+        edges = [style.ROGUE if rogue else style.CAR_EDGE for rogue in record.is_rogue[seen]]
+        draw_cars(axes, corners, value_colours(values[seen]), edges, zorder=4.0)
         for place in np.flatnonzero(np.abs(values[seen]) < 100.0):
             axes.annotate(
                 f"{values[seen[place]]:.0f}",

@@ -1,5 +1,7 @@
 """A stretch of road from above, with its lanes and cars, on given axes."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -50,10 +52,10 @@ def draw_cars(
     axes: Axes,
     corners: np.ndarray,
     colours: object = style.CAR,
-    edge: str = style.CAR_EDGE,
+    edge: str | Sequence[str] = style.CAR_EDGE,
     zorder: float = 3.0,
 ) -> None:
-    """Draw cars, whose corners are as body_corners returns them; `colours` is one colour or one a car."""
+    """Draw cars, whose corners are as body_corners returns them; `colours` and `edge` are one colour or one a car."""
     axes.add_collection(
         PolyCollection(list(corners), facecolors=colours, edgecolors=edge, linewidths=0.7, zorder=zorder)
     )
@@ -91,7 +93,8 @@ def draw_scene(
     x = traffic.x[sample]
     seen = np.flatnonzero(traffic.present[sample] & (x > start - reach) & (x < stop + reach))
     places = view.place(x[seen], traffic.y[sample, seen], traffic.heading[sample, seen])
-    draw_cars(axes, body_corners(*places, traffic.length[seen], traffic.width[seen]))
+    colours = [style.ROGUE if rogue else style.CAR for rogue in record.is_rogue[seen]]
+    draw_cars(axes, body_corners(*places, traffic.length[seen], traffic.width[seen]), colours)
     own = view.place(*(column[sample : sample + 1] for column in (robot.x, robot.y, robot.heading)))
     x_0, y_0, heading = (float(column[0]) for column in own)
     draw_robot(axes, x_0, y_0, heading, record.robot_length, record.robot_width)

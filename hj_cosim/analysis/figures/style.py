@@ -29,6 +29,7 @@ PURPLE = "#CC79A7"
 ROBOT = VERMILION
 CAR = "#A9C9DE"  # a pale sky blue: light where the robot is dark
 CAR_EDGE = "#33566B"
+ROGUE = PURPLE  # who means harm
 ASPHALT = "#F1F1EE"
 LANE_LINE = "#9A9A9A"
 INTERVENTION = YELLOW

@@ -85,9 +85,9 @@
 
   function drawCars() {
     for (let k = cars.start[sample]; k < cars.start[sample + 1]; k++) {
-      const chosen = cars.vehicle[k] === selected;
+      const chosen = cars.vehicle[k] === selected, rogue = raw.rogues[cars.vehicle[k]];
       body(cars.dx[k], cars.y[k], cars.heading[k], cars.length[k], cars.width[k], colour(cars.value[k]),
-           chosen ? "#000000" : "#33566b", chosen ? 3 : 1);
+           chosen ? "#000000" : rogue ? raw.rogueColour : "#33566b", chosen || rogue ? 3 : 1);
     }
     const on = robot.intervening[sample];
     body(0, robot.y[sample], robot.heading[sample], raw.robotLength, raw.robotWidth, "#d55e00",

@@ -11,6 +11,10 @@ From each car by itself there has to be an escape, as the game is one of two; fr
 which there would be none, there has to be one from all of them at once. Where no manoeuvre escapes from the worst
 that those could do together, the one that guarantees most is driven, until a control is known to leave an escape.
 
+Against the worst a manoeuvre keeps a heading and an acceleration for seconds. Among cars that do their duties it is
+RSS's proper response: straighten up and brake (`games.highway.duty_bound`), the same for all cars, so that an escape
+from each of those in K is mostly one from all.
+
 The idea is that of backup controllers: Gurriet, Mote, Singletary, Nilsson, Feron & Ames 2020, A Scalable Safety
 Critical Control Framework for Nonlinear Systems.
 """

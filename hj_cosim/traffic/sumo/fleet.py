@@ -111,7 +111,6 @@ class Fleet:
     def _set_rows(self, rows: FleetArrays) -> None:
         self._rows = rows
         self._front_offset = 0.5 * rows.length  # SUMO's positions are of front bumpers
-        self._contact_distance = 0.5 * (rows.length[:-1] + rows.length[-1])  # between the robot's centre and theirs
 
     @property
     def drivers(self) -> np.ndarray:
@@ -228,6 +227,7 @@ class Fleet:
         for car in self._not_ours:
             self._follow_change(car)
             self._read_sideways(car, step)
+        self._correct_rows()
         if before is not None:
             self._latest_step = self._between(*before, step)
         if libsumo.simulation.getDepartedNumber():
@@ -251,10 +251,10 @@ class Fleet:
 
     def is_beside_robot(self) -> bool:
         """Return whether a car lies alongside the robot in a lane that both are in: it hits that car, or crowds it."""
-        rows = self._rows
-        beside = np.flatnonzero(np.abs(rows.x[:-1] - rows.x[-1]) < self._contact_distance)
-        lanes = {int(rows.lane[-1]), int(rows.second_lane[-1])}
-        return any(not lanes.isdisjoint((int(rows.lane[car]), int(rows.second_lane[car]))) for car in beside)
+        return self._rows.is_beside_somebody(-1)
+
+    def _correct_rows(self) -> None:
+        """Do what is left to do when all rows have been read, and nobody has come yet."""
 
     def _read_sideways(self, car: int, step: float) -> bool:
         """Read a car's lane and where it is across the road; return whether it is between lanes: not done or refused.

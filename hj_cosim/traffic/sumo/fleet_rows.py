@@ -1,5 +1,6 @@
 """What the fleet knows of its cars, as arrays with a row for each."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -43,4 +44,14 @@ class FleetArrays(NamedTuple):
         """Return the rows with one more (of one row) before the robot's."""
         return FleetArrays(
             *(np.concatenate([column[:-1], new, column[-1:]]) for column, new in zip(self, car, strict=True))
+        )
+
+    def is_beside_somebody(self, row: int) -> bool:
+        """Return whether somebody lies alongside a row's vehicle in a lane that both are in."""
+        distance = np.abs(self.x - self.x[row])
+        distance[row] = math.inf
+        lanes = {int(self.lane[row]), int(self.second_lane[row])}
+        return any(
+            not lanes.isdisjoint((int(self.lane[other]), int(self.second_lane[other])))
+            for other in np.flatnonzero(distance < 0.5 * (self.length + self.length[row]))
         )

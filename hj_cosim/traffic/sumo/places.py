@@ -114,7 +114,9 @@ class RoutePlaces:
             self._seen[car] = _ALL_ALONG if place is None or place.beside is None else place.beside.seen
         self._position, self._speed = position, speed
         fronts = self._start + self._scale * position
-        return np.where((position < self._seen[:, 0]) | (position > self._seen[:, 1]), math.nan, fronts), speed
+        if self._lanes.ramps:
+            fronts[(position < self._seen[:, 0]) | (position > self._seen[:, 1])] = math.nan
+        return fronts, speed
 
     def knows(self, name: str) -> bool:
         """Return whether a vehicle is on the route, or on a ramp's part that is near it; see Places."""

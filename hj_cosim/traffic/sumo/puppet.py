@@ -1,19 +1,19 @@
-"""The robot in SUMO, moved from outside like a puppet, and its ghost."""
+"""A vehicle in SUMO that is moved from outside like a puppet, such as the robot, and its ghost."""
 
 import math
 import re
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from hj_cosim.scene.road import Road
-from hj_cosim.settings import RobotSettings
 from hj_cosim.traffic.sumo.session import libsumo
 
 ROBOT = "robot"
-# A robot that straddles two lanes is seen in one of them only; this invisible second one is seen in the other.
-GHOST = "robot's ghost"
+# Who straddles two lanes is seen in one of them only; an invisible second vehicle is seen in the other.
+_GHOST_ENDING = "'s ghost"
+GHOST = ROBOT + _GHOST_ENDING
 
 # setSpeedMode: bits 0 to 4 are the checks for safe speed, acceleration, deceleration, right of way and red lights;
 # bit 5 alone leaves the speed to us.
@@ -21,6 +21,30 @@ SPEED_IS_OURS = 32
 NO_LANE_CHANGES = 0  # setLaneChangeMode: none of SUMO's own, none on request
 # moveToXY: exactly there, also off the lanes' centre lines and off the road.
 KEEP_EXACT_POSITION = 2
+
+
+class Body(Protocol):
+    """How large a vehicle is."""
+
+    @property
+    def length(self) -> float:
+        """Its length, m."""
+        ...
+
+    @property
+    def width(self) -> float:
+        """Its width, m."""
+        ...
+
+
+def ghost_of(name: str) -> str:
+    """Return what the ghost of a vehicle is called."""
+    return name + _GHOST_ENDING
+
+
+def is_ghost(name: str) -> bool:
+    """Return whether a vehicle is the ghost of another one."""
+    return name.endswith(_GHOST_ENDING)
 
 
 class Placement(NamedTuple):
@@ -34,7 +58,7 @@ class Placement(NamedTuple):
     heading: float  # rad, relative to the road
 
 
-def placement(state: np.ndarray, body: RobotSettings, road: Road) -> Placement:
+def placement(state: np.ndarray, body: Body, road: Road) -> Placement:
     """Return where the robot's front is, and which lanes it is in.
 
     Args:
@@ -60,21 +84,23 @@ def placement(state: np.ndarray, body: RobotSettings, road: Road) -> Placement:
 class Puppet:
     """Puts the robot, and its ghost while it straddles two lanes, where they are told to be."""
 
-    def __init__(self, road: Road, edge: str, route: str) -> None:
-        """Take the robot, which is in SUMO already, over.
+    def __init__(self, road: Road, edge: str, route: str, name: str = ROBOT) -> None:
+        """Take the robot, or another vehicle, which is in SUMO already, over.
 
         Args:
             road: the road.
             edge: its name in SUMO.
-            route: of the robot and its ghost, a name in SUMO.
+            route: of the vehicle and its ghost, a name in SUMO.
+            name: the vehicle's, and its type's.
         """
+        self._name, self._ghost = name, ghost_of(name)
         self._road = road
         self._edge = edge
         self._route = route
         self._lane_in_sumo: dict[str, int] = {}  # of the vehicles that were moved before
         self._has_ghost = self._has_new_ghost = False
-        libsumo.vehicle.setLaneChangeMode(ROBOT, NO_LANE_CHANGES)
-        libsumo.vehicle.setSpeedMode(ROBOT, SPEED_IS_OURS)
+        libsumo.vehicle.setLaneChangeMode(self._name, NO_LANE_CHANGES)
+        libsumo.vehicle.setSpeedMode(self._name, SPEED_IS_OURS)
 
     def place(self, robot: Placement, is_beside_somebody: bool) -> None:
         """Tell SUMO where the robot is to be when the next step ends, in its lane and, straddling, in the next one.
@@ -83,19 +109,19 @@ class Puppet:
             robot: where.
             is_beside_somebody: whether it is now alongside a car in a lane that both are in.
         """
-        self._move(ROBOT, robot.front_lane, (robot.along, robot.lateral, robot.heading), is_beside_somebody)
+        self._move(self._name, robot.front_lane, (robot.along, robot.lateral, robot.heading), is_beside_somebody)
         straddles = robot.second_lane != robot.lane
         if straddles:
             if not self._has_ghost:
-                libsumo.vehicle.add(GHOST, self._route, ROBOT)
-                libsumo.vehicle.setLaneChangeMode(GHOST, NO_LANE_CHANGES)
-                libsumo.vehicle.setSpeedMode(GHOST, SPEED_IS_OURS)
+                libsumo.vehicle.add(self._ghost, self._route, self._name)
+                libsumo.vehicle.setLaneChangeMode(self._ghost, NO_LANE_CHANGES)
+                libsumo.vehicle.setSpeedMode(self._ghost, SPEED_IS_OURS)
             lane = robot.second_lane if robot.front_lane == robot.lane else robot.lane
             centre = self._road.lane_centre(lane, robot.along)
-            self._move(GHOST, lane, (robot.along, centre, 0.0), is_beside_somebody)
+            self._move(self._ghost, lane, (robot.along, centre, 0.0), is_beside_somebody)
         elif self._has_ghost:
-            libsumo.vehicle.remove(GHOST)
-            del self._lane_in_sumo[GHOST]
+            libsumo.vehicle.remove(self._ghost)
+            del self._lane_in_sumo[self._ghost]
         self._has_new_ghost = straddles and not self._has_ghost
         self._has_ghost = straddles
 
@@ -128,9 +154,15 @@ class Puppet:
 
     def correct_speed(self, speed: float) -> None:
         """Give the robot, and its ghost, the speed (m/s) that it really has, before the others look at it."""
-        libsumo.vehicle.setPreviousSpeed(ROBOT, speed)
+        libsumo.vehicle.setPreviousSpeed(self._name, speed)
         if self._has_ghost:
-            libsumo.vehicle.setPreviousSpeed(GHOST, speed)
+            libsumo.vehicle.setPreviousSpeed(self._ghost, speed)
+
+    def remove(self) -> None:
+        """Take the vehicle, and its ghost, off the road."""
+        libsumo.vehicle.remove(self._name)
+        if self._has_ghost:
+            libsumo.vehicle.remove(self._ghost)
 
     def after_step(self, speed: float) -> None:
         """Give a ghost that came in this step the robot's speed (m/s).
@@ -138,17 +170,17 @@ class Puppet:
         It has made no way yet, and would stand in its followers' eyes.
         """
         if self._has_new_ghost:
-            libsumo.vehicle.setPreviousSpeed(GHOST, speed)
+            libsumo.vehicle.setPreviousSpeed(self._ghost, speed)
 
 
 def without_ghost(lines: Sequence[str]) -> Iterator[str]:
-    """Yield SUMO's warnings with the ghost called what it stands for; those of the robot and its ghost are left out.
+    """Yield SUMO's warnings with ghosts called what they stand for; those of one and its own ghost are left out.
 
     So are those about how SUMO would have the robot brake: its speed is ours.
     """
     for line in lines:
-        told = line.replace(GHOST, ROBOT)
+        told = line.replace(_GHOST_ENDING, "")
         if f"'{ROBOT}' performs emergency braking" in told:
             continue
-        if told == line or set(re.findall(r"[Vv]ehicle '([^']*)'", told)) != {ROBOT}:
+        if told == line or len(set(re.findall(r"[Vv]ehicle '([^']*)'", told))) != 1:
             yield told

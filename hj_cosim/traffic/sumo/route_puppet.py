@@ -4,7 +4,7 @@ import math
 
 from hj_cosim.errors import DriveEnded, SimulationError
 from hj_cosim.scene.road import Road
-from hj_cosim.traffic.sumo.puppet import GHOST, KEEP_EXACT_POSITION, ROBOT, Placement, Puppet
+from hj_cosim.traffic.sumo.puppet import KEEP_EXACT_POSITION, ROBOT, Placement, Puppet
 from hj_cosim.traffic.sumo.session import libsumo
 from hj_cosim.traffic.sumo_lanes import SumoLanes
 
@@ -17,15 +17,16 @@ class RoutePuppet(Puppet):
     The smooth road and SUMO's polylines are some centimetres apart, at the corners of real networks half a metre.
     """
 
-    def __init__(self, road: Road, lanes: SumoLanes, route: str) -> None:
-        """Take the robot, which is in SUMO already, over.
+    def __init__(self, road: Road, lanes: SumoLanes, route: str, name: str = ROBOT) -> None:
+        """Take the robot, or another vehicle, which is in SUMO already, over.
 
         Args:
             road: the road.
             lanes: what SUMO calls its lanes.
-            route: of the robot and its ghost, a name in SUMO.
+            route: of the vehicle and its ghost, a name in SUMO.
+            name: the vehicle's, and its type's.
         """
-        super().__init__(road, lanes.edges[0], route)
+        super().__init__(road, lanes.edges[0], route, name)
         self._lanes = lanes
         self._placement: Placement | None = None
 
@@ -38,14 +39,14 @@ class RoutePuppet(Puppet):
         if other != robot.front_lane and self._lanes.place(other, robot.along) is None:
             robot = robot._replace(lane=robot.front_lane, second_lane=robot.front_lane)
         self._placement = robot
-        if robot.second_lane == robot.lane and libsumo.vehicle.getShadowLaneID(ROBOT):
+        if robot.second_lane == robot.lane and libsumo.vehicle.getShadowLaneID(self._name):
             # A line crossed close to a junction leaves the old lane blocked, whatever lane the robot was set into.
-            self._put_into_lane(ROBOT, self._neighbour(robot.lane))
-            self._put_into_lane(ROBOT, robot.lane)
+            self._put_into_lane(self._name, self._neighbour(robot.lane))
+            self._put_into_lane(self._name, robot.lane)
         super().place(robot, is_beside_somebody)
 
     def _neighbour(self, lane: int) -> int:
-        edge = libsumo.vehicle.getRoadID(ROBOT)
+        edge = libsumo.vehicle.getRoadID(self._name)
         return lane - 1 if self._lanes.index_on(edge, lane + 1) is None else lane + 1
 
     def _move_to(self, name: str, lane: int, place: tuple[float, float, float]) -> None:
@@ -72,11 +73,11 @@ class RoutePuppet(Puppet):
             DriveEnded: if the robot is beside the road, where nobody sees it.
             SimulationError: if SUMO has lost it on the road.
         """
-        if not libsumo.vehicle.getLaneID(ROBOT):
+        if not libsumo.vehicle.getLaneID(self._name):
             self._tell_that_it_is_lost()
-        libsumo.vehicle.setPreviousSpeed(ROBOT, speed)
-        if self._has_ghost and libsumo.vehicle.getLaneID(GHOST):
-            libsumo.vehicle.setPreviousSpeed(GHOST, speed)
+        libsumo.vehicle.setPreviousSpeed(self._name, speed)
+        if self._has_ghost and libsumo.vehicle.getLaneID(self._ghost):
+            libsumo.vehicle.setPreviousSpeed(self._ghost, speed)
 
     def _tell_that_it_is_lost(self) -> None:
         placement = self._placement

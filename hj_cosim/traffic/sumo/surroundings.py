@@ -19,6 +19,8 @@ from hj_cosim.vehicles.idm import PARAMETER_NAMES
 
 # Nearer than this to a lane's centre line (m), a vehicle is not between lanes.
 ON_CENTRE_LINE = 1e-3
+# m/s: SUMO lets those who stand slide into the next lane in three seconds, too, which turns nobody across the road.
+TURNED_AS_AT = 10.0
 READ = (
     constants.VAR_LANE_ID,
     constants.VAR_LANEPOSITION,
@@ -189,7 +191,7 @@ class Surroundings:
             return _Seen(x, centre, 0.0, speed, lane, lane, True)
         y = centre + offset
         sideways = (y - before.y) / duration if before is not None and duration else 0.0
-        heading = math.atan2(sideways, speed) if speed > abs(sideways) else 0.0
+        heading = math.atan2(sideways, max(speed, TURNED_AS_AT))
         leaves = is_on_the_road and sideways * offset > 0.0
         target = lane + int(math.copysign(1, offset)) if leaves else lane
         return _Seen(x, y, heading, speed, lane, target, is_on_the_road)

@@ -2,6 +2,8 @@
 
 import contextlib
 import math
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -12,17 +14,21 @@ from hj_cosim.files import naming_the_place
 from hj_cosim.scene.observation import Observation
 from hj_cosim.settings import RobotSettings, Scenario
 from hj_cosim.traffic.road_end import require_road
+from hj_cosim.traffic.rogues.catalogue import choose_rogues
+from hj_cosim.traffic.rogues.contract import ValuesOfCars
 from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.settling import follow_lane, robot_driver
 from hj_cosim.traffic.sources.placement import InitialTraffic, initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path
 from hj_cosim.traffic.sources.streams import drawn_streams
 from hj_cosim.traffic.sumo.between_steps import foreseen
-from hj_cosim.traffic.sumo.fleet import DECISION_PERIOD, DECISION_TURNS, Fleet
+from hj_cosim.traffic.sumo.fleet import DECISION_PERIOD, DECISION_TURNS
 from hj_cosim.traffic.sumo.input import ROUTE, RobotVehicle, command_line, write_routes
-from hj_cosim.traffic.sumo.puppet import GHOST, ROBOT, Puppet, placement, without_ghost
+from hj_cosim.traffic.sumo.puppet import ROBOT, Puppet, is_ghost, placement, without_ghost
+from hj_cosim.traffic.sumo.rogue_cars import RogueCars
 from hj_cosim.traffic.sumo.route_puppet import RoutePuppet
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo, log
+from hj_cosim.traffic.sumo.shared_fleet import SharedFleet
 from hj_cosim.vehicles.mobil import mobil_parameters
 
 TURN_TOLERANCE = 1e-6  # of a turn: a step's beginning is the turn's in spite of rounding
@@ -43,6 +49,7 @@ class SumoWorld:
         step: float = 0.02,
         scenario_folder: Path | None = None,
         traffic_step: float | None = None,
+        values: ValuesOfCars | None = None,
     ):
         """Start SUMO and put everyone in place.
 
@@ -53,6 +60,7 @@ class SumoWorld:
             step: s, the robot's.
             scenario_folder: where the scenario's file lies, to find its network beside it.
             traffic_step: s, SUMO's, a multiple of the robot's; the same unless given.
+            values: the robot's V of all cars, for rogues that ask for it.
 
         Raises:
             NetworkError: if the network is missing or not a straight road.
@@ -78,11 +86,16 @@ class SumoWorld:
             names = self._start(scenario, network, initial, seed)
             self._robot, self._robot_acceleration = initial.robot.copy(), 0.0
             is_finer = self._steps_a_traffic_step > 1  # the robot's clock than SUMO's
-            self._fleet = Fleet(
+            self._fleet = SharedFleet(
                 initial, names, robot, self._robot_driver, self.road, self._lanes, is_seen_between_steps=is_finer
             )
             self._fleet.take_turns(np.random.default_rng([seed, 2]))
-            self._puppet = self._made_puppet(scenario.network.edge)
+            edge = scenario.network.edge
+            self._puppet = self._made_puppet(edge)
+            chosen = choose_rogues(scenario, len(names) - len(scenario.cars), seed)
+            self._rogues = RogueCars(
+                chosen, self._fleet, partial(self._made_puppet, edge), self.road, robot, scenario.rogues, values
+            )
             unless_built.pop_all()
 
     def _start(self, scenario: Scenario, network: Path, initial: InitialTraffic, seed: int) -> list[str]:
@@ -111,10 +124,15 @@ class SumoWorld:
             )
         return names
 
-    def _made_puppet(self, edge: str) -> Puppet:
+    def _made_puppet(self, edge: str, name: str = ROBOT) -> Puppet:
         if self._lanes is None:
-            return Puppet(self.road, edge, ROUTE)
-        return RoutePuppet(self.road, self._lanes, ROUTE)
+            return Puppet(self.road, edge, ROUTE, name)
+        return RoutePuppet(self.road, self._lanes, ROUTE, name)
+
+    @property
+    def rogues(self) -> Mapping[str, str]:
+        """What the rogues among the cars do, by their names; see WorldWithRogues."""
+        return self._rogues.roles
 
     @property
     def vehicle_names(self) -> list[str]:
@@ -145,7 +163,7 @@ class SumoWorld:
                 self.observe(), self._robot_driver, self.road, self._body.length, self._traffic_step
             )
             require_road(self.road, placement(state, self._body, self.road).along, self._time)
-            self._advance_traffic(state, acceleration)
+            self._advance_traffic(state, acceleration, rogues_begin=False)
             self._robot, self._robot_acceleration = state, acceleration
             self._steps += self._steps_a_traffic_step
         self._steps = self._turns_taken = 0
@@ -166,7 +184,9 @@ class SumoWorld:
         self._robot, self._robot_acceleration = np.array(robot_state), float(robot_acceleration)
         self._steps += 1
 
-    def _advance_traffic(self, robot_state: np.ndarray, robot_acceleration: float) -> None:
+    def _advance_traffic(
+        self, robot_state: np.ndarray, robot_acceleration: float, *, rogues_begin: bool = True
+    ) -> None:
         """Make a step of SUMO's, with the robot where it will be at the step's end.
 
         SUMO moves the other cars by the states of the step before, and only then puts the robot where
@@ -183,9 +203,12 @@ class SumoWorld:
             is_beside_somebody = self._fleet.is_beside_robot()
             self._request_lane_changes()
             self._session.expect_moves()
+            if rogues_begin:
+                self._rogues.place(self.observe(), self._traffic_step)
             self._puppet.place(robot, is_beside_somebody)
             self._session.step()
             self._puppet.after_step(float(robot_state[3]))
+            self._rogues.after_step()
             self._fleet.move_robot(robot)
             self._fleet.read(robot_state, robot_acceleration, self._traffic_step, _is_car)
         except SUMO_ERRORS as error:
@@ -220,4 +243,4 @@ class SumoWorld:
 
 def _is_car(vehicle: str) -> bool:
     """Return whether a vehicle of SUMO's is somebody else than the robot."""
-    return vehicle not in (ROBOT, GHOST)
+    return vehicle != ROBOT and not is_ghost(vehicle)

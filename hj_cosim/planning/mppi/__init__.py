@@ -1,0 +1,1 @@
+"""A planner that samples: model predictive path integral control with the paper's reward and V."""

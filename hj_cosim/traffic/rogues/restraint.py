@@ -1,0 +1,125 @@
+"""What every rogue respects: the road, its car's limits, and everybody but the robot."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hj_cosim.scene.observation import Observation
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import RogueLimits
+from hj_cosim.traffic.rogues.contract import CarInput
+from hj_cosim.traffic.rogues.steering import LATERAL_RATE, LEAST_SPEED
+from hj_cosim.vehicles.idm import DESIRED_SPEED, MAX_ACCELERATION, MINIMUM_GAP, TIME_HEADWAY, idm_acceleration
+
+FASTEST = 40.0  # m/s, the largest speed of the game of `highway`
+# A rogue follows others than the robot more closely than an ordinary driver does.
+CLOSE_HEADWAY, CLOSE_GAP = 0.5, 2.0  # s, m
+UNHURRIED = 1000.0  # m/s, a desired speed at which IDM is about the car ahead alone
+SIDE_ROOM = 0.8  # m beside another car's side, which it leaves
+END_ROOM = 2.0  # m before a lane's end
+
+
+class OwnCar(NamedTuple):
+    """A rogue's car among those of an observation."""
+
+    row: int
+    driver: np.ndarray  # (6,) IDM parameters, as of any other driver
+
+
+def ordinary_input(observation: Observation, car: OwnCar, road: Road, robot_length: float) -> CarInput:
+    """Return what an ordinary driver would do: along its lane's centre line, by IDM behind whoever is ahead.
+
+    Args:
+        observation: the robot and all cars.
+        car: whose.
+        road: the lanes.
+        robot_length: m.
+    """
+    x, y, speed = (float(each[car.row]) for each in (observation.x, observation.y, observation.speed))
+    reach = 0.5 * road.lane_width
+    gap, lead_speed = _leader(observation, car.row, reach, road)
+    robot_x, robot_y, _, robot_speed = observation.robot.tolist()
+    robot_gap = robot_x - x - 0.5 * (robot_length + float(observation.length[car.row]))
+    if robot_x > x and abs(robot_y - y) < reach and robot_gap < gap:
+        gap, lead_speed = robot_gap, robot_speed
+    across = LATERAL_RATE * (road.lane_centre(road.lane_at(y, x), x) - y)
+    return CarInput(_heading(across, speed), float(idm_acceleration(speed, gap, lead_speed, car.driver)))
+
+
+def restrained(wanted: CarInput, observation: Observation, car: OwnCar, road: Road, limits: RogueLimits) -> CarInput:
+    """Return the nearest to what a rogue wants that keeps it on the road, within its limits and off other cars.
+
+    Args:
+        wanted: any finite input.
+        observation: the robot and all cars; the robot counts for nothing here.
+        car: whose.
+        road: the lanes.
+        limits: what its car can.
+    """
+    me = car.row
+    x, y, speed = (float(each[me]) for each in (observation.x, observation.y, observation.speed))
+    length, width = float(observation.length[me]), float(observation.width[me])
+    heading = max(min(wanted.heading, limits.heading), -limits.heading)
+    lines = road.lane_lines(x)
+    lowest, highest = float(lines[0]) + 0.5 * width, float(lines[-1]) - 0.5 * width
+    lengthwise = np.abs(observation.x - x) < 0.5 * (observation.length + length) + CLOSE_GAP
+    aside = observation.y - y
+    room = np.abs(aside) - 0.5 * (observation.width + width) - SIDE_ROOM
+    near = lengthwise & (np.arange(len(aside)) != me)
+    for side in (1.0, -1.0):
+        beside = near & (side * aside > 0.0)
+        if beside.any():
+            nearest = float(room[beside].min())
+            highest = min(highest, y + nearest) if side > 0.0 else highest
+            lowest = max(lowest, y - nearest) if side < 0.0 else lowest
+    most, least = (_heading(LATERAL_RATE * (bound - y), speed) for bound in (highest, lowest))
+    heading = max(min(heading, most), least) if least <= most else 0.0
+    gap, lead_speed = _leader(observation, me, 0.5 * (width + float(observation.width.max())) + 0.3, road)
+    close = car.driver.copy()
+    close[TIME_HEADWAY], close[MINIMUM_GAP] = CLOSE_HEADWAY, CLOSE_GAP
+    close[DESIRED_SPEED], close[MAX_ACCELERATION] = UNHURRIED, limits.acceleration
+    acceleration = min(wanted.acceleration, float(idm_acceleration(speed, gap, lead_speed, close)))
+    acceleration = max(min(acceleration, limits.acceleration), -limits.braking)
+    return CarInput(max(min(heading, limits.heading), -limits.heading), acceleration)
+
+
+def moved(state: np.ndarray, wanted: CarInput, limits: RogueLimits, step: float) -> tuple[np.ndarray, float]:
+    """Return a rogue's state a step later, and its acceleration (m/s²) on the way.
+
+    It moves as the game's other car does, dp_x = v cos θ_o, dp_y = v sin θ_o; its heading turns no faster than its
+    limits say.
+
+    Args:
+        state: (4,) p_x, p_y (m), θ (rad), v (m/s), in the road frame.
+        wanted: restrained.
+        limits: what its car can.
+        step: s.
+    """
+    x, y, heading, speed = state.tolist()
+    turn = limits.turn_rate * step
+    later_heading = heading + max(min(wanted.heading - heading, turn), -turn)
+    later_speed = max(min(speed + wanted.acceleration * step, FASTEST), 0.0)
+    way, direction = 0.5 * (speed + later_speed) * step, 0.5 * (heading + later_heading)
+    later = np.array([x + way * math.cos(direction), y + way * math.sin(direction), later_heading, later_speed])
+    return later, (later_speed - speed) / step
+
+
+def _heading(across: float, speed: float) -> float:
+    return math.asin(max(min(across / max(speed, LEAST_SPEED), 1.0), -1.0))
+
+
+def _leader(observation: Observation, me: int, reach: float, road: Road) -> tuple[float, float]:
+    """Return the gap (m) to the nearest car ahead within `reach` m sideways, or to the lane's end, and its speed."""
+    x, y = float(observation.x[me]), float(observation.y[me])
+    length = float(observation.length[me])
+    end = road.lane_end(road.lane_at(y, x), x)
+    gap, lead_speed = end - x - 0.5 * length - END_ROOM, 0.0
+    distance = observation.x - x
+    ahead = np.flatnonzero((distance > 0.0) & (np.abs(observation.y - y) < reach))
+    if len(ahead):
+        leader = ahead[np.argmin(distance[ahead])]
+        car_gap = float(distance[leader]) - 0.5 * (float(observation.length[leader]) + length)
+        if car_gap < gap:
+            gap, lead_speed = car_gap, float(observation.speed[leader])
+    return gap, lead_speed
