@@ -53,6 +53,16 @@ def require_nothing_foreign(data: Mapping[str, Any], given: Mapping[str, Any], p
                 f"{path}: {noun}.kind = {shown(repr(kind))} is Python, which is not run because a run's folder says so;"
                 f" name it yourself: --{noun} {shown(kind)}"
             )
+    scenario = data.get("scenario", {})
+    rogues = scenario.get("rogues", {})
+    named = [rogues.get("behaviour") if isinstance(rogues, Mapping) else None]
+    named += [car.get("rogue") for car in scenario.get("cars", ()) if isinstance(car, Mapping)]
+    for kind in (str(kind) for kind in named if ":" in str(kind)):
+        if "rogues" not in given.get("scenario", {}):
+            raise ConfigurationError(
+                f"{path}: the rogue {shown(repr(kind))} is Python, which is not run because a run's folder says so;"
+                f" name it yourself: --set scenario.rogues.behaviour={shown(kind)}"
+            )
     table = str(data.get("table", ""))
     if "table" not in given and table.endswith(".toml"):
         game = str(read_toml(find_specification(table)).get("dynamics", ""))

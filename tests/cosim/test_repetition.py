@@ -90,3 +90,9 @@ def test_a_broken_configuration_is_named_by_its_key(altered):
     path = altered(lambda data: data["scenario"]["traffic"].update(count=-1))
     with pytest.raises(ConfigurationError, match=r"config.toml: scenario.traffic.count = -1"):
         resolve_config(path)
+
+
+def test_a_rogue_s_class_is_not_run_because_a_folder_says_so(altered):
+    path = altered(lambda data: data["scenario"].update(rogues={"behaviour": "elsewhere.py:Evil"}))
+    with pytest.raises(ConfigurationError, match=r"the rogue 'elsewhere.py:Evil' is Python, which is not run"):
+        resolve_config(path)
