@@ -4,13 +4,15 @@ The loop that drives knows nothing of pictures; here the two meet.
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.cosim.configuration import resolve_config, stack_flags
 from hj_cosim.cosim.episode import Episode, Progress, run_in_sumo, write_episode
+from hj_cosim.cosim.repetition import Repetition, is_run_configuration, repetition
 from hj_cosim.files import file_name
 from hj_cosim.locations import given_path, runs_folder
 from hj_cosim.planning.contract import Planner
@@ -18,6 +20,7 @@ from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
 from hj_cosim.reachability.table.store import load_table
 from hj_cosim.recording.run_folder import require_free_folder
 from hj_cosim.settings import EpisodeConfig, Scenario, overlay
+from hj_cosim.traffic.sources.scenarios import scenario_data, scenario_path
 
 
 @dataclass(frozen=True)
@@ -47,18 +50,18 @@ def _given(**values: object) -> dict[str, object]:
 
 # Fourteen parameters: each is a keyword of the library's face, and all but the first have to be named.
 def run_episode(
-    scenario: str | Path | Scenario = "paper",
+    scenario: str | Path | Scenario | Mapping[str, Any] = "paper",
     *,
     planner: str | type | Planner | None = None,
     filter: str | type | SafetyFilter | None = None,
     scheme: str | None = None,
-    preset: str = "best",
+    preset: str | None = None,
     seed: int | None = None,
     duration: float | None = None,
     table: str | None = None,
     ego: str | None = None,
     begin: float | None = None,
-    settings: Sequence[str] = (),
+    settings: Sequence[str] | Mapping[str, Any] = (),
     out: Path | str | Callable[[EpisodeConfig], Path] | None = None,
     figures: bool = True,
     progress: Progress | EpisodeProgress | None = None,
@@ -66,18 +69,19 @@ def run_episode(
     """Drive one episode in SUMO; this is what `hj-cosim run` does.
 
     Args:
-        scenario: a name in sumo_net/, a path to a scenario TOML or to a SUMO configuration (.sumocfg), or a Scenario.
+        scenario: a name in sumo_net/, a path to a scenario TOML or to a SUMO configuration (.sumocfg), a Scenario, or a
+            dict like the content of a scenario TOML; a run's config.toml repeats that run.
         planner: hjop, op, mppi, idle, or one of one's own (planning/contract.py): `FILE.py:Class`,
             `package.module:Class`, a class, or an object of one, which is used as it is; hjop unless given.
         filter: spc, rss, none, or one of one's own (control/contract.py), likewise; spc unless given.
         scheme: mi or sw, of the filters spc and rss.
-        preset: best or paper.
+        preset: best (unless given) or paper; a run's config.toml has its own.
         seed: of the traffic; the scenario's unless given.
         duration: recorded time, s.
         table: a name in value_tables/ or a path to a specification; solved first if it has not been.
         ego: of a .sumocfg, the vehicle that the robot takes over; one with a long way ahead unless given.
         begin: of a .sumocfg, when the robot takes over, s; after 300 s of warm-up unless given.
-        settings: any other knobs, as texts KEY=VALUE, for example `planner.gamma_r=0.8`.
+        settings: any other knobs, `{"planner.gamma_r": 0.8}`, or as texts `planner.gamma_r=0.8`.
         out: the run folder to write, or a function that names one, such as `new_run_folder`; nothing is written unless
             given.
         figures: whether a run folder's pictures are drawn, which takes longer than the drive.
@@ -111,3 +115,23 @@ def run_episode(
 
         draw_run(folder, tell.drawing)
     return replace(episode, folder=folder)
+
+
+def repetition_of(scenario: str | Path | Scenario | Mapping[str, Any], episode: Episode) -> Repetition | None:
+    """Return how an episode compares with the run whose config.toml it was driven from.
+
+    Args:
+        scenario: what `run_episode` was given.
+        episode: what it returned, with a folder.
+
+    Returns:
+        None if it was given something else than a run's config.toml.
+
+    Raises:
+        RunFolderError: if one of the two lists of versions is broken.
+    """
+    if isinstance(scenario, Scenario | Mapping) or episode.folder is None:
+        return None
+    if not is_run_configuration(scenario_data(str(scenario))):
+        return None
+    return repetition(scenario_path(str(scenario)).parent, episode.folder)

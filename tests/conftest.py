@@ -54,4 +54,4 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say so when the browser test was left out; tests/analysis/conftest.py leaves it out."""
     if shutil.which("chromium") is None and "HJ_COSIM_REQUIRE_BROWSER" not in os.environ:
-        terminalreporter.write_line("left out: tests/analysis/test_report_in_browser.py, for there is no chromium")
+        terminalreporter.write_line("left out: tests/analysis/test_*_in_browser.py, for there is no chromium")

@@ -23,8 +23,8 @@ FLOORS = (
     ("traffic", "planning", "control"),
     ("analysis", "verification", "testing"),
     ("cosim",),
-    ("study", "run"),
-    ("cli",),
+    ("study", "run", "training"),
+    ("cli", "examples"),
     ("__main__",),
 )
 # Lower down, and still walled off: the loop stands on recording, not on drawing.

@@ -33,18 +33,21 @@ _ROBOT_COLUMNS = [
 ]
 
 
-def replay_data(record: RunRecord, table: ValueTable, tracking: TrackingSettings) -> dict[str, Any]:
+def replay_data(
+    record: RunRecord, table: ValueTable, tracking: TrackingSettings, largest: int = LARGEST
+) -> dict[str, Any]:
     """Return a run for page/replay.js; of a long or crowded one only every second, third... sample.
 
     Args:
         record: the run.
         table: V, for the value of each car.
         tracking: the gains with which the robot follows its plan.
+        largest: bytes that the cars may take.
     """
     traffic, robot = record.traffic, record.robot
     relative = traffic.x - robot.x[:, None]
     near = traffic.present & (np.abs(relative) <= NEAR)
-    every = max(math.ceil(np.count_nonzero(near) * BYTES_PER_CAR / LARGEST), 1)
+    every = max(math.ceil(np.count_nonzero(near) * BYTES_PER_CAR / largest), 1)
     kept = np.arange(0, len(record.time), every)
     sample, car = np.nonzero(near[kept])
     where = (kept[sample], car)

@@ -33,7 +33,10 @@ table_app = typer.Typer(
 )
 app.add_typer(table_app, name="table")
 
-Scenario = Annotated[str, typer.Argument(help="A name in sumo_net/, or a path to a scenario TOML or a .sumocfg.")]
+Scenario = Annotated[
+    str,
+    typer.Argument(help="A name in sumo_net/, or the path of a scenario TOML, a .sumocfg or a run's config.toml."),
+]
 Specification = Annotated[str, typer.Argument(help="A name in value_tables/ or a path to a specification TOML.")]
 RunFolder = Annotated[Path, typer.Argument(metavar="DIR", help="The folder of a run.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]

@@ -9,7 +9,8 @@ from rich.markup import escape
 
 # isort: off
 # Importing them puts the commands into the application, in the order of the help.
-from hj_cosim.cli import run_commands, study_command, table_commands, check_command, list_commands  # noqa: F401
+from hj_cosim.cli import run_commands, study_command, compare_command, table_commands  # noqa: F401
+from hj_cosim.cli import check_command, realism_command, list_commands, examples_command  # noqa: F401
 
 # isort: on
 from hj_cosim.cli.app import app

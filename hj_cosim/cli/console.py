@@ -95,6 +95,21 @@ def summary_table(summary: Mapping[str, Any], timing: Mapping[str, float]) -> Ta
     return table
 
 
+def show_repetition(repetition: Any) -> None:
+    """Print whether a run that was driven again came out the same, and what is not as it was.
+
+    Args:
+        repetition: a `cosim.repetition.Repetition`.
+    """
+    original = escape(str(repetition.original))
+    if repetition.is_exact:
+        results.print(f"Repeats {original}: the same bytes in {', '.join(repetition.same)}", soft_wrap=True)
+    else:
+        results.print(f"Differs from {original} in {', '.join(repetition.different)}", soft_wrap=True)
+    for name, (then, now) in repetition.versions.items():
+        results.print(escape(f"{name} was {then} then and is {now} now"), soft_wrap=True)
+
+
 def show_rows(title: str, rows: Sequence[Mapping[str, Any]], as_json: bool = False) -> None:
     """Print rows of the same keys as a table, or one below the other where the terminal is too narrow for that.
 

@@ -1,6 +1,7 @@
 """Commands that drive an episode, or make something of one that was driven."""
 
 import logging
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -17,6 +18,7 @@ from hj_cosim.cli.console import (
     results,
     show_files,
     show_place,
+    show_repetition,
     show_rows,
     summary_table,
 )
@@ -24,13 +26,18 @@ from hj_cosim.locations import runs_folder
 
 
 # Fifteen parameters: each is an option of the command line.
-@app.command(epilog=example("hj-cosim run dense --planner op --seed 3 --set planner.expansions=200"))
+@app.command(
+    epilog=example(
+        "hj-cosim run dense --planner op --seed 3 --set planner.expansions=200",
+        "hj-cosim run runs/paper-hjop-spc-mi-0/config.toml",
+    )
+)
 def run(
     scenario: Scenario = "paper",
     planner: Annotated[str | None, typer.Option(help="hjop, op, mppi, idle, or FILE.py:Class of your own.")] = None,
     filter: Annotated[str | None, typer.Option(help="spc, rss, none, or FILE.py:Class of your own.")] = None,
     scheme: Annotated[str | None, typer.Option(help="mi (minimally interventional) or sw (switching).")] = None,
-    preset: Annotated[str, typer.Option(help="best or paper.")] = "best",
+    preset: Annotated[str | None, typer.Option(help="best or paper; best.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the traffic; the scenario's, or 0.")] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds to record; 30 by default.")] = None,
     table: Annotated[str | None, typer.Option(help="A name in value_tables/ or a path to a specification.")] = None,
@@ -44,8 +51,8 @@ def run(
     verbose: Annotated[bool, typer.Option("--verbose", help="Print SUMO's warnings instead of counting them.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Drive one episode and write its folder."""
-    from hj_cosim.run import EpisodeProgress, new_run_folder, run_episode
+    """Drive one episode and write its folder; of a run's config.toml, repeat that run and say what is different."""
+    from hj_cosim.run import EpisodeProgress, new_run_folder, repetition_of, run_episode
 
     warnings = WarningCount()
     if not verbose:
@@ -72,10 +79,16 @@ def run(
                 announce=partial(messages.print, markup=False, highlight=False, soft_wrap=True),
             ),
         )
+    repeated = repetition_of(scenario, episode)
     if as_json:
-        print_json({**episode.summary, **episode.timing, "folder": str(episode.folder)})
+        of_repetition = (
+            {} if repeated is None else {"repetition": {**asdict(repeated), "original": str(repeated.original)}}
+        )
+        print_json({**episode.summary, **episode.timing, "folder": str(episode.folder), **of_repetition})
     else:
         results.print(summary_table(episode.summary, episode.timing))
+        if repeated is not None:
+            show_repetition(repeated)
         if warnings.count:
             results.print(f"[dim]SUMO warned {warnings.count} times; --verbose shows of what[/dim]")
         show_place(episode.folder)
@@ -140,6 +153,9 @@ def replay(
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of a run or a study.")],
     out: Annotated[Path | None, typer.Option(help="The HTML file; report.html in the folder by default.")] = None,
+    replays: Annotated[
+        bool, typer.Option("--replays/--no-replays", help="Of a study: a replay in the folder of every episode.")
+    ] = True,
     as_json: Json = False,
 ) -> None:
     """Write one self-contained HTML page about a run, with an interactive replay, or about a study."""
@@ -147,7 +163,7 @@ def report(
     from hj_cosim.recording.study_files import STUDY, study_progress
 
     with progress_bars() as bars:
-        written = write_report(folder, out, progress=bar(bars, "drawing figures"))
+        written = write_report(folder, out, progress=bar(bars, "drawing"), replays=replays)
     show_files([written], as_json)
     if (folder / STUDY).is_file() and (progress := study_progress(folder)).is_unfinished:
         messages.print(

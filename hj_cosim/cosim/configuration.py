@@ -7,6 +7,7 @@ from typing import Any
 import tomli_w
 
 from hj_cosim.cosim.motion import require_bends
+from hj_cosim.cosim.repetition import is_run_configuration, require_nothing_foreign
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import scenarios_folder, whole_name
 from hj_cosim.plugins import FILTER, PLANNER, find_plugin, options_of, whole_reference
@@ -17,6 +18,7 @@ from hj_cosim.settings import (
     EpisodeConfig,
     Scenario,
     SimulationSettings,
+    assignment_texts,
     overlay,
     parse_assignment,
     shown,
@@ -27,44 +29,48 @@ from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.placement import initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path, own_path, scenario_data, scenario_path
 
+UNNAMED = "unnamed"  # what a scenario is called that was given as a mapping without a name
+
 
 def resolve_config(
-    scenario: str | Path | Scenario = "paper",
+    scenario: str | Path | Scenario | Mapping[str, Any] = "paper",
     *,
-    preset: str = "best",
+    preset: str | None = None,
     flags: Mapping[str, Any] | None = None,
-    assignments: Sequence[str] = (),
+    assignments: Sequence[str] | Mapping[str, Any] = (),
 ) -> EpisodeConfig:
     """Return the configuration of one episode.
 
     Args:
-        scenario: a name in sumo_net/, a path to a scenario TOML, or a Scenario; of the latter, what was left to its
-            default is the preset's.
-        preset: `best` or `paper`; a layer that names one (`--set preset=paper`) wins over it.
+        scenario: a name in sumo_net/, a path to a scenario TOML, a Scenario, or a mapping such as a TOML's content; of
+            a Scenario, what was left to its default is the preset's. A path to a run's config.toml is that run's whole
+            configuration.
+        preset: `best`, which it is unless given, or `paper`; a layer that names one (`--set preset=paper`) wins over
+            it. A run's config.toml has its own.
         flags: nested values, as the command line's options give them; they win over the scenario.
-        assignments: texts `KEY=VALUE`, as `--set` takes them; they win over everything, the last over the first.
+        assignments: texts `KEY=VALUE`, as `--set` takes them, or a mapping; they win over everything, the last over the
+            first.
 
     Raises:
         ConfigurationError: if anything is unknown, of the wrong type, or out of range.
         PluginError: if a planner or a filter of one's own cannot be imported.
         NetworkError, ScenarioError: if the road cannot be used, or the cars do not fit on it.
     """
-    if not isinstance(preset, str) or preset not in PRESETS:
+    if preset is not None and (not isinstance(preset, str) or preset not in PRESETS):
         raise ConfigurationError(f"no preset is called {shown(repr(preset))}; choose one of {', '.join(PRESETS)}")
-    if not isinstance(assignments, list | tuple) or not all(isinstance(text, str) for text in assignments):
-        raise ConfigurationError(f"settings = {shown(repr(assignments))} is no list of texts KEY=VALUE")
     layers = [("the command line", flags or {})]
-    layers += [(f"--set {shown(assignment)}", parse_assignment(assignment)) for assignment in assignments]
+    layers += [(f"--set {shown(text)}", parse_assignment(text)) for text in assignment_texts(assignments)]
     for _, layer in layers:
         named = layer.get("preset")
         if isinstance(named, str) and named in PRESETS:  # any other value is refused below, with its layer's name
             preset = named
     source, given, folder = _given_scenario(scenario)
-    # The drivers' defaults are laid out in full, so that a layer may name a distribution's deviation alone.
-    data: dict[str, Any] = {"preset": preset, "scenario": {"drivers": DriverSettings().model_dump()}}
-    data = overlay(data, PRESETS[preset])
-    data = overlay(data, {"scenario": given})
-    config = validate(EpisodeConfig, data, source, table="scenario")
+    if is_run_configuration(given):
+        data = _repeated(given, preset, layers, Path(source))
+        config = validate(EpisodeConfig, data, source)
+    else:
+        data = _lowest_layers(given, preset or "best")
+        config = validate(EpisodeConfig, data, source, table="scenario")
     data = overlay(data, {"scenario": {"network": {"file": _network_file(config, folder)}}})
     if config.scenario.own.is_given:
         data = overlay(data, {"scenario": {"own": {"file": str(own_path(config.scenario.own.file, folder))}}})
@@ -72,6 +78,33 @@ def resolve_config(
     config = _with_plugins(config).model_copy(update={"table": whole_name(config.table, "table =")})
     _require_room(config)
     return config
+
+
+def _lowest_layers(scenario: Mapping[str, Any], preset: str) -> dict[str, Any]:
+    """Return what a preset and a scenario state, unchecked."""
+    # The drivers' defaults are laid out in full, so that a layer may name a distribution's deviation alone.
+    data: dict[str, Any] = {"preset": preset, "scenario": {"drivers": DriverSettings().model_dump()}}
+    return overlay(overlay(data, PRESETS[preset]), {"scenario": scenario})
+
+
+def _repeated(
+    recorded: Mapping[str, Any], preset: str | None, layers: Sequence[tuple[str, Mapping[str, Any]]], path: Path
+) -> dict[str, Any]:
+    """Return what a run's config.toml states, unchecked.
+
+    Raises:
+        ConfigurationError: if another preset is asked for than it was driven with, or it names what the user does not.
+    """
+    if preset not in (None, recorded["preset"]):
+        raise ConfigurationError(
+            f"{path} has preset = {shown(repr(recorded['preset']))}, and every setting as it was then; leave --preset"
+            " out, or run its scenario by name"
+        )
+    given: dict[str, Any] = {}
+    for _, layer in layers:
+        given = overlay(given, layer)
+    require_nothing_foreign(recorded, given, path)
+    return {key: value for key, value in recorded.items() if key != "name"}
 
 
 def _with_layers(data: Mapping[str, Any], layers: Sequence[tuple[str, Mapping[str, Any]]]) -> EpisodeConfig:
@@ -178,7 +211,7 @@ def stack_flags(
     return given | {key: value for key, value in top.items() if value is not None}
 
 
-def _given_scenario(scenario: str | Path | Scenario) -> tuple[str, dict[str, Any], Path | None]:
+def _given_scenario(scenario: str | Path | Scenario | Mapping[str, Any]) -> tuple[str, dict[str, Any], Path | None]:
     """Return how a scenario is called in messages, what it states, and the folder of its file, if it has one.
 
     Raises:
@@ -186,9 +219,12 @@ def _given_scenario(scenario: str | Path | Scenario) -> tuple[str, dict[str, Any
     """
     if isinstance(scenario, Scenario):
         return f"the Scenario {shown(repr(scenario.name))}", scenario.model_dump(exclude_unset=True), None
+    if isinstance(scenario, Mapping):
+        return "the scenario", {"name": UNNAMED, **scenario}, None
     if not isinstance(scenario, str | Path):
         raise ConfigurationError(
-            f"a scenario is a name in sumo_net/, a path to a TOML file or a Scenario, not a {type(scenario).__name__}"
+            "a scenario is a name in sumo_net/, a path to a TOML file, a Scenario or a dict of its settings, not a"
+            f" {type(scenario).__name__}"
         )
     path = scenario_path(str(scenario))
     return str(path), scenario_data(str(scenario)), path.parent

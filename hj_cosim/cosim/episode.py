@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,10 +26,13 @@ from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.contract import IDLE, Plan, Planner
 from hj_cosim.planning.guard import GuardedPlanner
 from hj_cosim.reachability.table.cars import car_values
-from hj_cosim.reachability.table.store import require_robot
+from hj_cosim.reachability.table.store import require_robot, specification_hash
 from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.recording.frames import RunFrames
 from hj_cosim.recording.record import COLLISION, DURATION, RunRecord
 from hj_cosim.recording.run_folder import Keep, write_run
+from hj_cosim.recording.summary_file import summary_html, summary_sentence
+from hj_cosim.recording.versions import TABLE, program_versions
 from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target, is_possible
 from hj_cosim.settings import EpisodeConfig
 from hj_cosim.traffic.contract import World, WorldWithRogues
@@ -41,17 +44,25 @@ from hj_cosim.verification.promise_audit import PromiseAudit
 Progress = Callable[[int, int], None]  # samples driven, samples in all
 
 
-@dataclass(frozen=True)
-class Episode:
-    """An episode that has been driven."""
+@dataclass(frozen=True, repr=False)
+class Episode(RunFrames):
+    """An episode that has been driven; its arrays as DataFrames in `robot` and `trajectories`."""
 
     config: EpisodeConfig
     record: RunRecord
     summary: Mapping[str, Any]
     drivers: np.ndarray  # (J, 6) the background drivers' IDM parameters, in the order of vehicles.idm
     timing: Mapping[str, float]  # what depends on the machine
+    versions: Mapping[str, str] = field(default_factory=dict)  # of what it was driven with, its value table among it
     folder: Path | None = None  # the run's folder, where it was written
     notes: str | None = None  # TOML: what was chosen, overridden and silenced in a user's own simulation
+
+    def __repr__(self) -> str:
+        place = "" if self.folder is None else f", in {self.folder}"
+        return f"Episode of {summary_sentence(self.summary)}{place}"
+
+    def _repr_html_(self) -> str:
+        return summary_html(self.summary)
 
 
 @dataclass(frozen=True)
@@ -167,12 +178,12 @@ def _collided(observation: Observation, config: EpisodeConfig) -> bool:
     )
 
 
-def open_world(config: EpisodeConfig, table: ValueTable) -> SumoWorld | OwnWorld:
+def open_world(config: EpisodeConfig, table: ValueTable | None = None) -> SumoWorld | OwnWorld:
     """Return the world of a configuration: a scenario's, or a user's own simulation.
 
     Args:
         config: what to run.
-        table: the robot's, which rogues may use against it.
+        table: the robot's, which rogues may use against it; needed where there are any.
 
     Raises:
         ConfigurationError, NetworkError, ScenarioError: if it cannot be built.
@@ -182,7 +193,7 @@ def open_world(config: EpisodeConfig, table: ValueTable) -> SumoWorld | OwnWorld
     if scenario.own.is_given:
         fastest = config.planner.speed_high
         return OwnWorld(scenario, robot, seed, simulation.step, simulation.traffic_step, fastest)
-    values = partial(car_values, table)
+    values = None if table is None else partial(car_values, table)
     return SumoWorld(scenario, robot, seed, simulation.step, traffic_step=simulation.traffic_step, values=values)
 
 
@@ -218,8 +229,10 @@ def run_in_sumo(
         driven = drive(world, planner, safety_filter, table, config, audit, progress)
     wall_seconds = time.perf_counter() - started
     summary = summarize(driven.record, config, audit.summary() | fallback_summary(driven.diagnostics))
+    versions = {**program_versions(), TABLE: specification_hash(table.specification, table.game)}
     notes = world.told if isinstance(world, OwnWorld) else None
-    return Episode(config, driven.record, summary, world.drivers, timing(summary, wall_seconds), notes=notes)
+    taken = timing(summary, wall_seconds)
+    return Episode(config, driven.record, summary, world.drivers, taken, versions, notes=notes)
 
 
 def fallback_summary(diagnostics: Mapping[str, float]) -> dict[str, float]:
@@ -248,5 +261,13 @@ def write_episode(episode: Episode, folder: Path, keep: Keep = "all") -> None:
     require_declared(episode.summary)
     config_text = config_toml(episode.config)
     write_run(
-        folder, episode.record, config_text, episode.summary, episode.drivers, keep, episode.timing, episode.notes
+        folder,
+        episode.record,
+        config_text,
+        episode.summary,
+        episode.drivers,
+        keep,
+        episode.timing,
+        episode.versions,
+        episode.notes,
     )

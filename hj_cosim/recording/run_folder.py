@@ -4,7 +4,7 @@ A folder appears whole or not at all, and the same record gives the same bytes: 
 compression are fixed, and what depends on the time or the machine is in timing.json alone.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from os import PathLike
@@ -18,9 +18,9 @@ import pyarrow.parquet as pq
 from hj_cosim.errors import ConfigurationError, HjCosimError, RunFolderError
 from hj_cosim.files import naming_the_place, remove_abandoned, require_writable, temporary_folder
 from hj_cosim.locations import given_path
-from hj_cosim.recording.columns import name_column, numeric_column, text_column
-from hj_cosim.recording.record import DURATION, NO_VEHICLE, ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
-from hj_cosim.recording.roles import rogues_of, role_column
+from hj_cosim.recording.frames import ROAD_KEY, TRAFFIC_FLOATS, RunFrames, driver_table, robot_table, trajectory_table
+from hj_cosim.recording.record import DURATION, NO_VEHICLE, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
+from hj_cosim.recording.roles import rogues_of
 from hj_cosim.recording.run_bounds import (
     open_columns,
     plain_column,
@@ -30,11 +30,11 @@ from hj_cosim.recording.run_bounds import (
     require_room,
     require_times,
 )
-from hj_cosim.recording.summary_file import TIMING, read_summary, summary_text
+from hj_cosim.recording.summary_file import TIMING, read_summary, summary_html, summary_sentence, summary_text
+from hj_cosim.recording.versions import VERSIONS, versions_text
 from hj_cosim.scene.road import Road
-from hj_cosim.scene.road_text import road_from_json, road_to_json
+from hj_cosim.scene.road_text import road_from_json
 from hj_cosim.settings import EpisodeConfig, read_toml, validate
-from hj_cosim.vehicles.idm import PARAMETER_NAMES
 
 CONFIG = "config.toml"
 TRAJECTORIES = "trajectories.parquet"
@@ -43,24 +43,28 @@ SUMMARY = "summary.json"
 DRIVERS = "drivers.parquet"
 NOTES = "own_simulation.toml"
 FIGURES = "figures"
-OWN_FILES = (CONFIG, TRAJECTORIES, ROBOT, SUMMARY, TIMING, DRIVERS, NOTES, FIGURES)
+OWN_FILES = (CONFIG, TRAJECTORIES, ROBOT, SUMMARY, TIMING, VERSIONS, DRIVERS, NOTES, FIGURES)
 
 Keep = Literal["all", "robot"]  # everything that a run folder holds, or all but the cars' trajectories
 
 ROWS_PER_GROUP = 1 << 17  # written and read at a time, so that a long drive of many cars needs little memory
-_TRAFFIC_FLOATS = ("x", "y", "heading", "speed", "acceleration")
-_ROAD_KEY = b"hj_cosim.road"
 _ROBOT_STATE = ("x", "y", "heading", "speed", "steering", "omega", "acceleration", "plan_speed", "plan_lane")
 
 
-@dataclass(frozen=True)
-class Run:
-    """A run as read back from its folder."""
+@dataclass(frozen=True, repr=False)
+class Run(RunFrames):
+    """A run as read back from its folder; its arrays as DataFrames in `robot` and `trajectories`."""
 
     folder: Path
-    config: Mapping[str, Any]
-    summary: Mapping[str, Any]
+    config: Mapping[str, Any]  # everything that it depended on, as config.toml has it
+    summary: Mapping[str, Any]  # a number or text a key, SI units; `hj-cosim metrics` explains each
     record: RunRecord
+
+    def __repr__(self) -> str:
+        return f"Run of {summary_sentence(self.summary)}, in {self.folder}"
+
+    def _repr_html_(self) -> str:
+        return summary_html(self.summary)
 
 
 def require_free_folder(folder: Path) -> None:
@@ -110,6 +114,7 @@ def whole_folder(folder: Path) -> Iterator[Path]:
             temporary.replace(folder)
 
 
+# Nine parameters: one for each file, and where they go.
 def write_run(
     folder: Path,
     record: RunRecord,
@@ -118,6 +123,7 @@ def write_run(
     drivers: np.ndarray | None = None,
     keep: Keep = "all",
     timing: Mapping[str, float] | None = None,
+    versions: Mapping[str, str] | None = None,
     notes: str | None = None,
 ) -> None:
     """Write a run's folder, without its figures; all of it or nothing.
@@ -130,6 +136,7 @@ def write_run(
         drivers: (J, 6) IDM parameters of the cars, in the order of vehicles.idm; drivers.parquet unless None.
         keep: `all`, or everything but trajectories.parquet, which is nearly all of the size (`robot`).
         timing: as `metrics.summary.timing` returns it; timing.json unless None.
+        versions: of what it was driven with, as recording.versions has them; versions.json unless None.
         notes: TOML about a user's own simulation; own_simulation.toml unless None.
 
     Raises:
@@ -145,6 +152,8 @@ def write_run(
         (temporary / SUMMARY).write_text(summary_text(summary), encoding="utf-8")
         if timing is not None:
             (temporary / TIMING).write_text(summary_text(timing), encoding="utf-8")
+        if versions is not None:
+            (temporary / VERSIONS).write_text(versions_text(versions), encoding="utf-8")
         if notes is not None:
             (temporary / NOTES).write_text(notes, encoding="utf-8")
         (temporary / FIGURES).mkdir()
@@ -152,53 +161,11 @@ def write_run(
 
 def write_trajectories(path: Path, record: RunRecord) -> None:
     """Write trajectories.parquet: a row per sample and car that is present; at one time the robot comes first."""
-    schema = _trajectory_table(record, 0, 0).schema
+    schema = trajectory_table(record, 0, 0).schema
     samples_per_group = max(ROWS_PER_GROUP // (len(record.traffic.names) + 1), 1)
     with pq.ParquetWriter(path, schema, **_writing(schema)) as writer:
         for start in range(0, len(record.time), samples_per_group):
-            writer.write_table(_trajectory_table(record, start, start + samples_per_group))
-
-
-def _trajectory_table(record: RunRecord, start: int, stop: int) -> pa.Table:
-    """Return the rows of samples start to stop."""
-    traffic, robot, road = record.traffic, record.robot, record.road
-    window = slice(start, stop)
-    time = record.time[window]
-    present = np.column_stack([np.ones(len(time), bool), traffic.present[window]])
-    sample, column = np.nonzero(present)  # in the order of time, then of the columns
-
-    def both(of_robot: np.ndarray, of_cars: np.ndarray) -> np.ndarray:
-        return np.asarray(np.column_stack([of_robot[window], of_cars[window]])[present])
-
-    robot_lane = road.nearest_lanes(robot.y, robot.x).astype(np.int8)
-    columns = {
-        "time": numeric_column(time[sample]),
-        "vehicle": name_column(column, (ROBOT_NAME, *traffic.names)),
-        **{name: numeric_column(both(getattr(robot, name), getattr(traffic, name))) for name in _TRAFFIC_FLOATS},
-        "lane": numeric_column(both(robot_lane, traffic.lane).astype(np.int8)),
-        "length": numeric_column(np.append(record.robot_length, traffic.length)[column]),
-        "width": numeric_column(np.append(record.robot_width, traffic.width)[column]),
-    }
-    if record.rogues:
-        columns["role"] = role_column(column, (ROBOT_NAME, *traffic.names), record.rogues)
-    return pa.table(columns).replace_schema_metadata({_ROAD_KEY: road_to_json(road).encode()})
-
-
-def robot_table(record: RunRecord) -> pa.Table:
-    """Return robot.parquet's table: a row per sample."""
-    columns = {"time": numeric_column(record.time)}
-    for field in fields(RobotTrack):
-        columns[field.name] = numeric_column(getattr(record.robot, field.name))
-    columns["value_vehicle"] = name_column(record.robot.value_vehicle, record.traffic.names)
-    for field in fields(ThreatTrack):
-        columns[field.name] = numeric_column(getattr(record.threats, field.name))
-    return pa.table(columns)
-
-
-def driver_table(names: Sequence[str], drivers: np.ndarray) -> pa.Table:
-    """Return drivers.parquet's table: a row per car, what its driver was drawn with (`drivers` as in write_run)."""
-    columns = {name: numeric_column(drivers[:, number]) for number, name in enumerate(PARAMETER_NAMES)}
-    return pa.table({"vehicle": text_column(names), **columns})
+            writer.write_table(trajectory_table(record, start, start + samples_per_group))
 
 
 def _write_table(path: Path, table: pa.Table) -> None:
@@ -262,7 +229,7 @@ def road_of(schema: pa.Schema) -> Road:
         ValueError: if that is no road.
     """
     try:
-        road = road_from_json((schema.metadata or {})[_ROAD_KEY])
+        road = road_from_json((schema.metadata or {})[ROAD_KEY])
     except KeyError as error:
         raise KeyError(f"{TRAJECTORIES} does not say what road it is about") from error
     require_road(road)
@@ -286,14 +253,14 @@ def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> Ru
             raise ValueError(f"{TRAJECTORIES} numbers its vehicles differently from place to place")
         car = plain_numbers(vehicle.indices, "vehicle")
         sample = np.searchsorted(time, plain_column(rows, "time"))
-        columns = {name: plain_column(rows, name) for name in ("length", "width", *_TRAFFIC_FLOATS, "lane")}
+        columns = {name: plain_column(rows, name) for name in ("length", "width", *TRAFFIC_FLOATS, "lane")}
         require_finite(columns)
         body[car, 0], body[car, 1] = columns["length"], columns["width"]
         rogues |= rogues_of(rows, car, first)
         others = car > 0
         place = (sample[others], car[others] - 1)
         traffic.present[place] = True
-        for name in (*_TRAFFIC_FLOATS, "lane"):
+        for name in (*TRAFFIC_FLOATS, "lane"):
             getattr(traffic, name)[place] = columns[name][others]
     columns = {name: plain_column(robot, name) for name in robot.column_names if name != "value_vehicle"}
     for field in (*fields(RobotTrack), *fields(ThreatTrack)):

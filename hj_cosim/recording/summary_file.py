@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -61,3 +62,25 @@ def read_timing(folder: Path) -> dict[str, float]:
             return {name: float(value) for name, value in json.loads(file.read(LARGEST_SUMMARY)).items()}
     except (OSError, ValueError, TypeError, AttributeError, RecursionError) as error:
         raise RunFolderError(f"{path} is no timing of a run: {error}") from error
+
+
+def summary_sentence(summary: Mapping[str, Any]) -> str:
+    """Return what a run was and how it went, in a line."""
+    stack = summary["planner"] if summary["filter"] == "none" else f"{summary['planner']} + {summary['filter']}"
+    scheme = "" if summary["filter"] == "none" else f" ({summary['scheme']})"
+    parts = [f"{summary['scenario']}, seed {summary['seed']}: {stack}{scheme}"]
+    for name, pattern in (("duration", "{:.4g} s"), ("mean_speed", "{:.4g} m/s"), ("collisions", "{:.0f} collisions")):
+        if isinstance(summary.get(name), int | float):
+            parts.append(pattern.format(summary[name]))
+    return ", ".join([*parts, f"ended by {summary['ended']}"] if "ended" in summary else parts)
+
+
+def summary_html(summary: Mapping[str, Any]) -> str:
+    """Return a summary as an HTML table, escaped, for a notebook."""
+    rows = "".join(f"<tr><td>{escape(key)}</td><td>{escape(_shown(value))}</td></tr>" for key, value in summary.items())
+    caption = f"{summary_sentence(summary)}; SI units, hj-cosim metrics explains each"
+    return f"<table><caption>{escape(caption)}</caption><tbody>{rows}</tbody></table>"
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else "–" if value is None else str(value)

@@ -11,11 +11,14 @@ from hj_cosim.settings.layers import (
     DEEPEST_TOML,
     LARGEST_TOML,
     LONGEST_TOML_LINE,
+    assignment_texts,
+    flattened,
     overlay,
     parse_assignment,
     parse_toml,
     read_toml,
     shown,
+    toml_value,
     validate,
 )
 from hj_cosim.settings.own_simulation import OwnSimulationSettings
@@ -67,7 +70,9 @@ __all__ = [
     "TableSpecification",
     "TrackingSettings",
     "TrafficSettings",
+    "assignment_texts",
     "explanation",
+    "flattened",
     "list_settings",
     "overlay",
     "parse_assignment",
@@ -75,6 +80,7 @@ __all__ = [
     "read_toml",
     "robot_and_filter",
     "shown",
+    "toml_value",
     "unit_of",
     "validate",
 ]

@@ -1,7 +1,8 @@
 """Reading settings: TOML within bounds, layers laid over each other, and sentences about what is wrong."""
 
+import json
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -148,3 +149,50 @@ def parse_assignment(text: str) -> dict[str, Any]:
     for part in reversed(parts[:-1]):
         nested = {part: nested}
     return nested
+
+
+def assignment_texts(settings: Any, name: str = "settings") -> list[str]:
+    """Return settings as texts KEY=VALUE, as `--set` takes them.
+
+    Args:
+        settings: such texts, or a mapping of keys to values; keys are nested, or in one with dots, or both.
+        name: what they are called in messages.
+
+    Raises:
+        ConfigurationError: if they are neither, or a value is none that a setting can have.
+    """
+    if isinstance(settings, Mapping):
+        return [f"{key}={toml_value(value, f'{name}: {key}')}" for key, value in flattened(settings, name)]
+    if not isinstance(settings, list | tuple) or not all(isinstance(text, str) for text in settings):
+        raise ConfigurationError(
+            f"{name} = {shown(repr(settings))} is neither a list of texts KEY=VALUE nor a dict of keys and values"
+        )
+    return list(settings)
+
+
+def flattened(settings: Mapping[Any, Any], name: str = "settings", above: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the key, with dots, and the value of everything in a nested mapping.
+
+    Raises:
+        ConfigurationError: if a key is no text.
+    """
+    for key, value in settings.items():
+        if not isinstance(key, str):
+            raise ConfigurationError(f"{name}: the key {shown(repr(key))} is no text such as planner.gamma_r")
+        if isinstance(value, Mapping):
+            yield from flattened(value, name, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
+def toml_value(value: Any, place: str) -> str:
+    """Return a value as TOML in one line; what JSON and TOML both have is written alike.
+
+    Raises:
+        ConfigurationError: if no setting can have it; `place` is where it stands, for the message.
+    """
+    plain = value.item() if hasattr(value, "item") and getattr(value, "ndim", 1) == 0 else value  # one of NumPy's
+    parts = plain if isinstance(plain, list | tuple) else [plain]
+    if not all(isinstance(part, str | int | float) for part in parts):
+        raise ConfigurationError(f"{place} = {shown(repr(value))} is no number, text, truth value or list of these")
+    return json.dumps(plain, ensure_ascii=False)

@@ -12,9 +12,9 @@ RESAMPLES = 2000
 DRAW_SEED = 20  # of the draws, so that a table is the same byte for byte, whenever it is made
 
 
-def draw_weights(episodes: int, resamples: int = RESAMPLES) -> np.ndarray:
-    """Return (resamples, episodes) int32, how often each resample drew each episode; the same at every call."""
-    draws = np.random.default_rng(DRAW_SEED).integers(0, episodes, (resamples, episodes))
+def draw_weights(episodes: int, resamples: int = RESAMPLES, seed: int = DRAW_SEED) -> np.ndarray:
+    """Return (resamples, episodes) int32, how often each resample drew each episode; the same for the same seed."""
+    draws = np.random.default_rng(seed).integers(0, episodes, (resamples, episodes))
     shifted = draws + episodes * np.arange(resamples)[:, None]
     counts = np.bincount(shifted.ravel(), minlength=resamples * episodes)
     return counts.reshape(resamples, episodes).astype(np.int32)

@@ -13,7 +13,7 @@ from hj_cosim.recording.study_files import (
     require_no_contradiction,
     split_variation,
 )
-from hj_cosim.settings import parse_assignment, validate
+from hj_cosim.settings import assignment_texts, flattened, parse_assignment, shown, validate
 from hj_cosim.study.stacks import PAPER_STACKS, Stack, parse_stack
 
 Texts = str | Sequence[str]  # one or several
@@ -36,6 +36,8 @@ def given_fields(**fields: Any) -> dict[str, Any]:
     Raises:
         ConfigurationError: if texts were to be given and something else was.
     """
+    texts = {"set": _settings, "vary": _variations}
+    fields |= {name: convert(fields[name]) for name, convert in texts.items() if isinstance(fields.get(name), Mapping)}
     lists: dict[str, Callable[[Any], str | None]] = {
         "scenarios": _scenario,
         "stacks": _stack,
@@ -80,7 +82,7 @@ def _each(values: Any, name: str, convert: Callable[[Any], str | None]) -> tuple
     Raises:
         ConfigurationError: if it is neither.
     """
-    listed = values if isinstance(values, Iterable) and not isinstance(values, str) else [values]
+    listed = values if isinstance(values, Iterable) and not isinstance(values, str | Mapping) else [values]
     texts = []
     for value in listed:
         text = convert(value)
@@ -115,7 +117,37 @@ def _scenario(value: Any) -> str | None:
     return whole_name(str(value), "scenario")
 
 
+def _settings(settings: Mapping[str, Any]) -> list[str]:
+    """Return a mapping of knobs as texts KEY=VALUE."""
+    return assignment_texts(settings)
+
+
+def _variations(varied: Mapping[str, Any]) -> list[str]:
+    """Return a mapping of knobs to the values that they take in turn as texts KEY=VALUE,VALUE.
+
+    Raises:
+        ConfigurationError: if a knob has no list of values.
+    """
+    texts = []
+    for key, values in flattened(varied, "vary"):
+        if isinstance(values, str) or not isinstance(values, Iterable):
+            raise ConfigurationError(f"vary: {key} = {shown(repr(values))} is no list of values, such as [0.8, 0.9]")
+        each = [
+            value if isinstance(value, str) else assignment_texts({"": value}, f"vary: {key}")[0][1:]
+            for value in values
+        ]
+        texts.append(f"{key}={','.join(each)}")
+    return texts
+
+
 def _stack(value: Any) -> str | None:
+    if isinstance(value, Mapping):
+        if not (value.keys() <= {"planner", "filter", "scheme"} and all(isinstance(v, str) for v in value.values())):
+            raise ConfigurationError(f"stacks: {shown(repr(dict(value)))} has not planner, filter and scheme alone")
+        named = {"planner": "hjop", "filter": "spc", **value}
+        has_none = named["filter"] == "none" or (":" in named["filter"] and "scheme" not in named)
+        scheme = "" if has_none else f"-{named.get('scheme', 'mi')}"
+        return parse_stack(f"{named['planner']}/{named['filter']}{scheme}").text
     if isinstance(value, str):
         return parse_stack(value).text
     return value.text if isinstance(value, Stack) else None

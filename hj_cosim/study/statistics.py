@@ -12,10 +12,19 @@ from typing import Any
 import numpy as np
 
 from hj_cosim.metrics.catalogue import METRICS, require_declared
-from hj_cosim.metrics.declaration import EpisodesWith, Metric, OverEpisodes, PercentileOfSamples, WeightedMean
-from hj_cosim.study.bootstrap import PooledPercentile, draw_weights, interval
+from hj_cosim.metrics.declaration import (
+    SUM_OVER_EPISODES,
+    EpisodesWith,
+    Metric,
+    OverEpisodes,
+    PercentileOfSamples,
+    WeightedMean,
+)
+from hj_cosim.study.bootstrap import DRAW_SEED, PooledPercentile, draw_weights, interval
 
 Replicates = Mapping[str, np.ndarray]
+
+OTHER_DRAW_SEED = DRAW_SEED + 1  # of a row whose episodes have nothing in common with another's
 
 
 @dataclass(frozen=True)
@@ -107,6 +116,10 @@ class RowStatistics:
         """The seeds of the episodes that there are, ascending."""
         return tuple(self._results)
 
+    def summary(self, seed: int) -> Mapping[str, Any]:
+        """Return the summary of the episode of a seed, +inf where summary.json has null."""
+        return self._results[seed].summary
+
     def estimates(self) -> dict[str, Estimate]:
         """Return every metric with its interval; empty without episodes."""
         observed, drawn = self.observed_and_drawn(self.seeds)
@@ -125,15 +138,34 @@ class RowStatistics:
         ours, theirs = self.observed_and_drawn(common), other.observed_and_drawn(common)
         return len(common), _estimates(_minus(ours[0], theirs[0]), _minus(ours[1], theirs[1]))
 
+    def independent_differences(self, other: "RowStatistics") -> dict[str, Estimate]:
+        """Return how much each metric exceeds that of another row whose episodes have nothing in common with these.
+
+        Sums over unequally many episodes are not compared.
+        """
+        ours, theirs = self.observed_and_drawn(self.seeds), other._observed_and_drawn(other.seeds, OTHER_DRAW_SEED)
+        alike = [name for name in ours[0] if name in theirs[0]]
+        if len(self.seeds) != len(other.seeds):
+            alike = [name for name in alike if not _is_sum(METRICS[name])]
+        observed, drawn = ({name: part[name] for name in alike} for part in ours)
+        return _estimates(_minus(observed, theirs[0]), _minus(drawn, theirs[1]))
+
     def observed_and_drawn(self, seeds: tuple[int, ...]) -> tuple[Replicates, Replicates]:
         """Return every metric of the episodes of `seeds` (1,), and their bootstrap replicates (RESAMPLES,)."""
+        if seeds not in self._known:
+            self._known[seeds] = self._observed_and_drawn(seeds, DRAW_SEED)
+        return self._known[seeds]
+
+    def _observed_and_drawn(self, seeds: tuple[int, ...], draw_seed: int) -> tuple[Replicates, Replicates]:
         if not seeds:
             return {}, {}
-        if seeds not in self._known:
-            chosen = [self._results[seed] for seed in seeds]
-            once = np.ones((1, len(chosen)), np.int32)
-            self._known[seeds] = replicates(chosen, once), replicates(chosen, draw_weights(len(chosen)))
-        return self._known[seeds]
+        chosen = [self._results[seed] for seed in seeds]
+        once = np.ones((1, len(chosen)), np.int32)
+        return replicates(chosen, once), replicates(chosen, draw_weights(len(chosen), seed=draw_seed))
+
+
+def _is_sum(metric: Metric) -> bool:
+    return isinstance(metric.pooling, EpisodesWith) or metric.pooling == SUM_OVER_EPISODES
 
 
 def _estimates(observed: Replicates, drawn: Replicates) -> dict[str, Estimate]:

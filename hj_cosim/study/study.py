@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from functools import cached_property
+from html import escape
 from importlib.metadata import version
 from itertools import count
 from os import PathLike
@@ -43,6 +45,7 @@ from hj_cosim.study.tables import (
     Row,
     comparison_table,
     difference_table,
+    notebook_table,
     read_csv,
     study_table,
     write_csv,
@@ -52,7 +55,7 @@ from hj_cosim.study.tables import (
 Progress = Callable[[int, int], None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Study:
     """A study that has been carried out: its folder and the tables in it (`study.folder` lists every file).
 
@@ -65,6 +68,31 @@ class Study:
     comparison: pd.DataFrame  # comparison.csv: the paper's numbers beside ours; empty in other traffic than the paper's
     claims: pd.DataFrame  # claims.csv: what the paper says, checked; empty in other traffic than the paper's
     failures: tuple[Failure, ...]  # episodes that could not be driven this time, and why
+
+    @cached_property
+    def episodes(self) -> pd.DataFrame:
+        """A row per episode, episodes.parquet: its row's factors, seed, and the numbers of its summary.json, SI units.
+
+        Raises:
+            RunFolderError: if it is gone or broken.
+        """
+        try:
+            return pd.read_parquet(self.folder / EPISODES_TABLE)
+        except (OSError, ValueError) as error:
+            raise RunFolderError(
+                f"{self.folder} holds no readable study: {error}; --resume makes its tables anew"
+            ) from error
+
+    def __repr__(self) -> str:
+        driven, crashed = (
+            int(self.table["episodes"].sum()),
+            int(self.table.get("collision_episodes", pd.Series()).sum()),
+        )
+        said = f"{len(self.table)} rows, {driven} episodes, {crashed} crashed, {self.missing} missing"
+        return f"Study in {self.folder}: {said}"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(repr(self))}</p>{notebook_table(self.table)}"
 
     @property
     def missing(self) -> int:
@@ -79,9 +107,9 @@ def run_study(
     episodes: int | None = None,
     seed: int | None = None,
     preset: str | None = None,
-    stacks: Stack | str | Sequence[Stack | str] | None = None,
-    vary: Texts | None = None,
-    settings: Texts | None = None,
+    stacks: Stack | str | Mapping[str, str] | Sequence[Stack | str | Mapping[str, str]] | None = None,
+    vary: Texts | Mapping[str, Any] | None = None,
+    settings: Texts | Mapping[str, Any] | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     keep: str | None = None,
@@ -106,9 +134,10 @@ def run_study(
         seed: the first of `episodes` consecutive seeds, the same for every row; 0 unless given.
         preset: `best` (unless given) or `paper`.
         stacks: planner, filter and scheme, in the order of the table's rows, as texts that `study.stacks.parse_stack`
-            reads (`hjop-spc-mi`, `mine.py:KeepRight/spc-mi`) or as `Stack`s; the paper's ten unless given.
-        vary: texts `KEY=VALUE,VALUE`, a row per combination, for example `planner.gamma_r=0.8,0.9,1.0`.
-        settings: texts `KEY=VALUE` for every episode, as `run_episode` takes them.
+            reads (`hjop-spc-mi`, `mine.py:KeepRight/spc-mi`), as dicts `{"planner": "op", "filter": "spc", "scheme":
+            "sw"}`, or as `Stack`s; the paper's ten unless given.
+        vary: `{"planner.gamma_r": [0.8, 0.9, 1.0]}`, a row per combination, or texts `planner.gamma_r=0.8,0.9,1.0`.
+        settings: for every episode, as `run_episode` takes them.
         workers: processes on this machine, as many as there are cores unless told otherwise.
         scheduler: address of a Dask scheduler whose workers are to drive instead, for example tcp://10.0.0.1:8786.
         keep: `all` that a run folder holds (unless given), or without the cars' trajectories (`robot`), a twentieth of
@@ -293,8 +322,12 @@ def read_study(folder: PathLike[str] | str) -> Study:
     try:
         table, differences, comparison, claims = (read_csv(path / name) for name in names)
     except (OSError, ValueError) as error:
-        raise RunFolderError(f"{path} holds no readable study: {error}; --resume makes its tables anew") from error
+        raise _unreadable(path, error) from error
     return Study(path, table, differences, comparison, claims, failures=())
+
+
+def _unreadable(folder: Path, error: Exception) -> RunFolderError:
+    return RunFolderError(f"{folder} holds no readable study: {error}; --resume makes its tables anew")
 
 
 def _without(summary: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from hj_cosim.files import whole_file
+from hj_cosim.metrics.catalogue import shown_in_study
 from hj_cosim.study.design import Cell
 from hj_cosim.study.statistics import Estimate, RowStatistics
 
@@ -93,6 +94,19 @@ def comparison_table(rows: Sequence[Row]) -> pd.DataFrame:
     merged = of_paper.merge(paper, on=list(STACK_COLUMNS), suffixes=("", "_paper"))
     columns = [f"{name}{ending}" for name in metrics for ending in ("", "_lo", "_hi", "_paper")]
     return merged[[*factors, "episodes", *columns]]
+
+
+def notebook_table(table: pd.DataFrame) -> str:
+    """Return a study's table as HTML, escaped: what tells the rows apart, and the metrics that a terminal shows."""
+    factors = list(table.columns[: table.columns.get_loc("episodes") + 1])
+    columns = {name: [str(value) for value in table[name]] for name in factors}
+    for metric in shown_in_study():
+        if metric.name in table:
+            bounds = zip(*(table[f"{metric.name}{end}"] for end in ("", "_lo", "_hi")), strict=True)
+            columns[metric.label_with_unit] = [
+                f"{metric.text(value)} [{metric.text(low)}, {metric.text(high)}]" for value, low, high in bounds
+            ]
+    return str(pd.DataFrame(columns).to_html(index=False, border=0))
 
 
 def write_csv(table: pd.DataFrame, path: Path) -> None:

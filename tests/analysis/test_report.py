@@ -66,7 +66,7 @@ def test_a_study_s_report_holds_its_table_with_intervals(tmp_path):
     page = write_report(tmp_path).read_text()
 
     assert "0.50 [0.25, 0.75]" in page
-    assert "<th>mean speed (m/s), paper</th>" in page
+    assert '<th scope="col">mean speed (m/s), paper</th>' in page
     assert page.count("<td>22.13</td>") == 2
     assert "&lt;b&gt;" in page
     assert "<td><b></td>" not in page

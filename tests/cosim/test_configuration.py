@@ -2,6 +2,7 @@
 
 import tomllib
 
+import numpy as np
 import pytest
 
 from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
@@ -96,8 +97,36 @@ def test_scenario_object_is_taken_like_its_file(scenario_with_fast_drivers):
 
 
 def test_what_is_no_scenario_is_refused_by_its_type_not_its_content():
-    with pytest.raises(ConfigurationError, match=r"a path to a TOML file or a Scenario, not a dict$"):
-        resolve_config({"name": "paper"})
+    with pytest.raises(ConfigurationError, match=r"a Scenario or a dict of its settings, not a list$"):
+        resolve_config([{"name": "paper"}])
+
+
+def test_dicts_say_what_texts_and_files_say(scenario_with_fast_drivers):
+    nested = {
+        "planner": {"gamma_r": 0.8, "expansions": np.int64(7)},
+        "filter.scheme": "sw",
+        "filter.keep_escape": False,
+    }
+    texts = ["planner.gamma_r=0.8", "planner.expansions=7", "filter.scheme=sw", "filter.keep_escape=false"]
+    assert resolve_config("paper", assignments=nested) == resolve_config("paper", assignments=texts)
+    content = {"name": "fast", "drivers": {"desired_speed": {"mean": 28.0}}, "seed": 7}
+    config = resolve_config(content)
+    assert (config.scenario.name, config.seed, config.scenario.drivers.desired_speed.mean) == ("fast", 7, 28.0)
+    assert resolve_config({}).scenario.name == "unnamed"
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({1: 2}, "settings: the key 1 is no text"),
+        ({"planner.gamma_r": None}, "settings: planner.gamma_r = None is no number"),
+        ({"planner": {"gamma": 1}}, "unknown key 'planner.gamma'"),
+        ("planner.gamma_r=1", "neither a list of texts KEY=VALUE nor a dict"),
+    ],
+)
+def test_a_dict_that_is_no_settings_is_refused(settings, said):
+    with pytest.raises(ConfigurationError, match=said):
+        resolve_config("paper", assignments=settings)
 
 
 def test_a_tables_path_is_a_whole_one_so_that_a_run_can_be_repeated_from_any_folder(tmp_path, monkeypatch):

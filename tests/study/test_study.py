@@ -285,7 +285,7 @@ def test_how_far_a_study_is(study_folder, conduct_synthetic, synthetic):
         ({"stacks": 3}, "stacks: 3 is no text"),
         ({"stacks": [object()]}, "stacks: a object is no text"),
         ({"stacks": []}, "stacks = "),
-        ({"scenarios": {1: 2}}, "scenarios: 1 is no text"),
+        ({"scenarios": {1: 2}}, "scenarios: a dict is no text"),
         ({"settings": 5.0}, "set: 5.0 is no text"),
         ({"vary": [None]}, "vary: a NoneType is no text"),
         ({"episodes": "many"}, "episodes = 'many'"),

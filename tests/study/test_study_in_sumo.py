@@ -49,7 +49,7 @@ def test_every_file_is_the_same_in_this_process_for_two_workers_killed_and_for_t
         reference = run_study(scenario, settings=settings, out=tmp_path / "reference", **STUDY)
     files = all_files(reference.folder)
     assert {"table.csv", "episodes.parquet", "episodes/op-rss-sw/1/trajectories.parquet"} <= files.keys()
-    assert sum(name.startswith("episodes/") for name in files) == 4 * 5
+    assert sum(name.startswith("episodes/") for name in files) == 4 * 6
 
     # The command line with paths from the current folder, killed as soon as it has an episode.
     here, table = os.path.relpath(scenario), settings[0].removeprefix("table=")

@@ -1,0 +1,111 @@
+"""What background traffic is like: flow, density, speed, lane changes, time headways, TTC; the robot is left out.
+
+Flow, density and speed are Edie's, distance and time travelled in a region over its area (Edie 1963), where the region
+moves with the middle four fifths of the cars: beyond these a platoon thins out, as no traffic does.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hj_cosim.scene.observation import Observation
+
+MIDDLE = (0.1, 0.9)  # of the cars, from rear to front
+FOLLOWING = 100.0  # m, who has another within this gap ahead is following it
+CRITICAL_TTC = 3.0  # s, the paper's
+SHORT_HEADWAY = 0.9  # s
+_ROBOT = -1
+
+
+@dataclass(frozen=True)
+class TrafficMeasures:
+    """The measures of some traffic; NaN where nobody followed anybody."""
+
+    flow: float  # vehicles/h and lane
+    density: float  # vehicles/km and lane
+    speed: float  # m/s, distance over time travelled
+    lane_changes: float  # per vehicle-km
+    headway_median: float  # s from the front bumper to the rear one ahead, of those who follow
+    short_headway_percent: float  # share of those below SHORT_HEADWAY
+    ttc_p1: float  # s, the 1st percentile of those who follow and close in
+    critical_ttc_percent: float  # share of those who follow whose TTC is below CRITICAL_TTC
+
+
+@dataclass
+class _Sums:
+    time: float = 0.0  # vehicle-seconds in the region
+    distance: float = 0.0  # vehicle-metres in the region
+    area: float = 0.0  # lane-metre-seconds
+    driven: float = 0.0  # vehicle-metres anywhere
+    changes: int = 0
+    headways: list[np.ndarray] = field(default_factory=list)
+    times_to_collision: list[np.ndarray] = field(default_factory=list)
+
+
+def measure_traffic(drives: Iterable[Iterable[Observation]], step: float, lanes: int) -> TrafficMeasures:
+    """Return the measures of one or several drives together.
+
+    Args:
+        drives: each one's observations, evenly spaced, with two cars or more.
+        step: s from one to the next.
+        lanes: of the road.
+    """
+    sums = _Sums()
+    for observations in drives:
+        lane_before: dict[int, int] = {}
+        for now in observations:
+            _add_region(sums, now, step, lanes)
+            _add_lanes(sums, now, step, lane_before)
+            _add_pairs(sums, now)
+    headways = np.concatenate(sums.headways)
+    ttc = np.concatenate(sums.times_to_collision)
+    closing = ttc[np.isfinite(ttc)]
+    nobody = len(headways) == 0
+    return TrafficMeasures(
+        flow=3600.0 * sums.distance / sums.area,
+        density=1000.0 * sums.time / sums.area,
+        speed=sums.distance / sums.time,
+        lane_changes=1000.0 * sums.changes / sums.driven,
+        headway_median=float("nan") if nobody else float(np.median(headways)),
+        short_headway_percent=float("nan") if nobody else 100.0 * float(np.mean(headways < SHORT_HEADWAY)),
+        ttc_p1=float(np.percentile(closing, 1.0)) if len(closing) else float("nan"),
+        critical_ttc_percent=float("nan") if nobody else 100.0 * float(np.mean(ttc < CRITICAL_TTC)),
+    )
+
+
+def _add_region(sums: _Sums, now: Observation, step: float, lanes: int) -> None:
+    rear, front = np.quantile(now.x, MIDDLE)
+    inside = (now.x >= rear) & (now.x <= front)
+    sums.area += (front - rear) * lanes * step
+    sums.time += step * int(inside.sum())
+    sums.distance += step * float(now.speed[inside].sum())
+
+
+def _add_lanes(sums: _Sums, now: Observation, step: float, lane_before: dict[int, int]) -> None:
+    for vehicle, lane in zip(now.vehicle.tolist(), now.lane.tolist(), strict=True):
+        sums.changes += lane_before.get(vehicle, lane) != lane
+        lane_before[vehicle] = lane
+    sums.driven += step * float(now.speed.sum())
+
+
+def _add_pairs(sums: _Sums, now: Observation) -> None:
+    """Add everybody's headway to, and TTC with, the car ahead in its lane; where that is the robot, nothing."""
+    number = np.append(now.vehicle, _ROBOT)
+    lane = np.append(now.lane, _lane_of_robot(now))
+    x, length = np.append(now.x, now.robot[0]), np.append(now.length, 0.0)
+    speed = np.append(now.speed, now.robot[3])
+    order = np.lexsort((x, lane))
+    rear, front = order[:-1], order[1:]
+    gap = x[front] - x[rear] - 0.5 * (length[front] + length[rear])
+    follows = (lane[rear] == lane[front]) & (number[rear] != _ROBOT) & (number[front] != _ROBOT)
+    follows &= (gap < FOLLOWING) & (speed[rear] > 0.1)
+    rear, front, gap = rear[follows], front[follows], np.maximum(gap[follows], 0.0)
+    closing = speed[rear] - speed[front]
+    sums.headways.append(gap / speed[rear])
+    sums.times_to_collision.append(np.where(closing > 0.0, gap / np.where(closing > 0.0, closing, 1.0), np.inf))
+
+
+def _lane_of_robot(now: Observation) -> int:
+    """Return the robot's lane: that of the car whose centre line is nearest to it."""
+    return int(now.lane[np.argmin(np.abs(now.y - now.robot[1]))])
