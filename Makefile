@@ -90,6 +90,9 @@ clean:
 	rm -rf .venv .venv-oldest .pytest_cache .mypy_cache .ruff_cache
 	find hj_cosim tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
+# uv trusts the machine's certificates, as pip does: it works behind a company's proxy, too.
+export UV_SYSTEM_CERTS := 1
+
 # One stamp a set of extras: a second call installs nothing. uv installs in seconds what pip needs two minutes for;
 # where uv cannot reach the index, pip does the same work.
 define install
