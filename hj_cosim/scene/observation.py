@@ -60,10 +60,10 @@ class Observation:
         In place of a van, a truck or a coach there is a car, at the place within the larger body that is nearest to the
         robot: from there the table's distances are those to the body.
         """
+        if self.length.max(initial=0.0) <= CAR_LENGTH and self.width.max(initial=0.0) <= CAR_WIDTH:
+            return self
         spare_length = 0.5 * (self.length - CAR_LENGTH)
         spare_width = 0.5 * (self.width - CAR_WIDTH)
-        if spare_length.max(initial=0.0) <= 0.0 and spare_width.max(initial=0.0) <= 0.0:
-            return self
         along, aside = np.maximum(spare_length, 0.0), np.maximum(spare_width, 0.0)
         return replace(
             self,

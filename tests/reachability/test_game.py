@@ -107,8 +107,8 @@ def test_the_highways_closed_rows_are_those_that_its_flow_gives(sheared_table: V
     places[2][:20] = 0.0  # who stands does not brake
     seen = scene(*zip(*places, strict=True))
     values = car_values(sheared_table, seen)
-    cars, closed = rows_of_cars(sheared_table, seen, values, 5.0)
-    others, rows = rows_of_cars(from_flow, seen, values, 5.0)
+    cars, closed = rows_of_cars(sheared_table, seen, values.value, values.gradient, 5.0)
+    others, rows = rows_of_cars(from_flow, seen, values.value, values.gradient, 5.0)
     assert 20 < len(cars) < 300
     assert cars.tolist() == others.tolist() == np.flatnonzero(values.value <= 5.0).tolist()
     assert closed[:4] == pytest.approx(rows, rel=1e-3, abs=1e-2)

@@ -52,6 +52,15 @@ _SPARSE_BACKENDS = ("osqp", "clarabel")
 _QUADPROG_REGULARISATION = 1e-8
 
 
+@njit(cache=True)
+def are_possible(p: np.ndarray, q: np.ndarray, c: np.ndarray) -> bool:
+    """Return whether no coefficient, (K,) each, is larger than a sound table's, or no number."""
+    for k in range(len(p)):
+        if not max(abs(p[k]), abs(q[k]), abs(c[k])) <= LARGEST_COEFFICIENT or np.isnan(p[k] + q[k] + c[k]):
+            return False
+    return True
+
+
 @dataclass(frozen=True)
 class SafetyRows:
     """The half-planes p_k ω + q_k a >= −c_k of the K constraints; for the HJI, rows of min over w_o of dV/dt."""
@@ -68,7 +77,7 @@ class SafetyRows:
     @property
     def are_possible(self) -> bool:
         """Whether every number is one, and none larger than a sound table's."""
-        return all(np.abs(numbers).max(initial=0.0) <= LARGEST_COEFFICIENT for numbers in (self.p, self.q, self.c))
+        return are_possible(self.p, self.q, self.c)
 
     def margins(self, omega: float, acceleration: float) -> np.ndarray:
         """Return p ω + q a + c, (K,): negative where a control violates a row."""

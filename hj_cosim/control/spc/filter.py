@@ -19,7 +19,7 @@ from hj_cosim.control.spc.escape import (
     manoeuvres_for,
 )
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
-from hj_cosim.reachability.table.cars import rows_of_cars, smoothed
+from hj_cosim.reachability.table.cars import rows_of_cars, smooth_gradients
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.settings import FilterSettings, RobotSettings
@@ -95,9 +95,8 @@ class SafetyPreservingFilter:
         self, observation: Observation, values: CarValues, desired: Control, available: np.ndarray
     ) -> SafetyRows | None:
         """Return the rows of the cars with V up to the bound that could bind; None where a row is not finite."""
-        if self._smooth:
-            values = smoothed(self._table, observation, values)
-        cars, rows = rows_of_cars(self._table, observation, values, self._bound)
+        gradient = smooth_gradients(self._table, observation, values) if self._smooth else values.gradient
+        cars, rows = rows_of_cars(self._table, observation, values.value, gradient, self._bound)
         kept, rows = binding_rows(
             rows, self._epsilon, self._recovery, self._approach, available, desired.omega, desired.acceleration
         )

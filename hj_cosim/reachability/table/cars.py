@@ -1,7 +1,6 @@
 """A table of two cars asked about all cars of an observation: once a step, for all who want it."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numba import njit
@@ -27,17 +26,16 @@ def car_values(table: ValueTable, observation: Observation) -> CarValues:
     return CarValues(value, gradient, least, nearest)
 
 
-def smoothed(table: ValueTable, observation: Observation, values: CarValues) -> CarValues:
-    """Return the same with slopes that do not jump between the table's cells (`lookup.smooth_gradient_at`).
+def smooth_gradients(table: ValueTable, observation: Observation, values: CarValues) -> np.ndarray:
+    """Return ∂V/∂x, (J, 5), with slopes that do not jump between the table's cells (`lookup.smooth_gradient_at`).
 
-    Of cars with V up to SMOOTHED; of others, which no row is about, they stay as they are.
+    Of cars with V up to SMOOTHED; of others, which no row is about, they are those of `values`.
     """
-    gradient = _smooth_gradients(table.arrays, observation.robot, observation.cars, values.value, values.gradient)
-    return replace(values, gradient=gradient)
+    return _smooth_gradients(table.arrays, observation.robot, observation.cars, values.value, values.gradient)
 
 
 def rows_of_cars(
-    table: ValueTable, observation: Observation, values: CarValues, bound: float
+    table: ValueTable, observation: Observation, value: np.ndarray, gradient: np.ndarray, bound: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the cars with V up to a bound, (K,) int, and what a filter asks of its control about each, (4 or 8, K).
 
@@ -47,14 +45,14 @@ def rows_of_cars(
     Args:
         table: V over (p_x, p_y, θ_r, v_r, v_o).
         observation: the robot and the cars.
-        values: V of the cars, `car_values`.
+        value, gradient: V of the cars, (J,) m, and ∂V/∂x, (J, 5), of `car_values` or smooth.
         bound: m.
     """
     if table.closed_rows is not None:
-        return table.closed_rows(observation.robot, observation.cars, values.value, values.gradient, bound)
-    cars = np.flatnonzero(values.value <= bound)
+        return table.closed_rows(observation.robot, observation.cars, value, gradient, bound)
+    cars = np.flatnonzero(value <= bound)
     states = pair_states(observation.robot, observation.cars, cars)
-    return cars, np.vstack([values.value[cars], table.half_planes(states, values.gradient[cars])])
+    return cars, np.vstack([value[cars], table.half_planes(states, gradient[cars])])
 
 
 @njit(cache=True)
