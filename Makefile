@@ -65,7 +65,7 @@ bench: .venv/.bench-ready
 
 # The README's pictures, from a run of their own.
 pictures: .venv/.run-ready
-	rm -rf runs/pictures
+	rm -rf runs/pictures/run runs/pictures/short
 	$(BIN)/hj-cosim run --seed 2 --out runs/pictures/run
 	mv runs/pictures/run/figures/*.png runs/pictures/
 	$(BIN)/hj-cosim run dense --duration 8 --seed 2 --out runs/pictures/short
