@@ -249,3 +249,13 @@ def test_the_formula_is_the_solvers_target(small_table: ValueTable) -> None:
         found = [target_at(formula, *state) for state in states]
         assert found == pytest.approx(expected, rel=1e-5, abs=1e-3)
         assert [target_and_gradient_at(formula, *state)[0] for state in states] == pytest.approx(found, abs=1e-12)
+
+
+def test_a_turned_body_has_its_slope_along_the_heading() -> None:
+    formula = TargetFormula.of_game(highway.PARAMETERS | {"turned_length": 5.0})
+    draw, step = np.random.default_rng(15), 1e-5
+    for theta, v_r in zip(draw.uniform(-0.35, 0.35, 200), draw.uniform(2.0, 38.0, 200), strict=True):
+        state = [0.0, draw.choice([-1.0, 1.0]) * draw.uniform(4.0, 7.5), theta, v_r, 20.0]
+        ahead, behind = [[*state[:2], theta + side * step, *state[3:]] for side in (1.0, -1.0)]
+        slope = (target_at(formula, *ahead) - target_at(formula, *behind)) / (2.0 * step)
+        assert target_and_gradient_at(formula, *state).by_theta == pytest.approx(slope, rel=1e-4, abs=1e-2)
