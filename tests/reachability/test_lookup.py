@@ -206,7 +206,7 @@ def test_look_ups_are_finite_wherever_there_is_a_table(small_table: ValueTable) 
     states = np.where(generator.random(states.shape) < 0.3, generator.choice(special, states.shape), states)
     values, gradients = values_and_gradients(small_table.arrays, states)
     lower, upper = np.array(small_table.grid.lower), np.array(small_table.grid.upper)
-    inside = ((states >= lower) & (states <= upper))[:, 0]
+    inside = ((states >= lower) & (states <= upper))[:, 0] & (np.abs(states[:, 1]) <= 1e6)
     assert np.array_equal(np.isfinite(values), inside)
     assert np.isfinite(gradients).all()
     assert (gradients[~inside] == 0.0).all()
@@ -259,3 +259,10 @@ def test_a_turned_body_has_its_slope_along_the_heading() -> None:
         ahead, behind = [[*state[:2], theta + side * step, *state[3:]] for side in (1.0, -1.0)]
         slope = (target_at(formula, *ahead) - target_at(formula, *behind)) / (2.0 * step)
         assert target_and_gradient_at(formula, *state).by_theta == pytest.approx(slope, rel=1e-4, abs=1e-2)
+
+
+def test_so_far_aside_that_no_cube_is_a_number_a_car_is_safe(small_table: ValueTable) -> None:
+    for aside in (1e7, -1e154, 1e300):
+        values, gradients = values_and_gradients(small_table.arrays, np.array([[0.0, aside, 0.0, 20.0, 20.0]]))
+        assert values[0] == value_at(small_table.arrays, 0.0, aside, 0.0, 20.0, 20.0) == np.inf
+        assert (gradients == 0.0).all()

@@ -31,6 +31,7 @@ from hj_cosim.reachability.games.highway.target import TargetFormula, target_and
 from hj_cosim.reachability.table.value_scale import scaled, steepness, unscaled
 
 _ONE = np.uint64(1)
+_FAR_ASIDE = 1e6  # m from the other car's line, beyond which nothing is asked: cubes of it would not stay numbers
 _HEADING_ROUNDING = 1e-6  # rad beyond the grid that still count as on its edge
 
 
@@ -197,7 +198,7 @@ def value_and_gradient_at(
 ) -> float:
     """Return V and write ∂V/∂x, (5,), per state unit; outside the grid as said above."""
     xi, is_beside = p_x - shift_of_grid(table, v_r, v_o), _is_outside(table, 1, p_y)
-    if _is_outside(table, 0, xi) or (is_beside and not table.has_target):
+    if _is_outside(table, 0, xi) or (is_beside and not (table.has_target and abs(p_y) <= _FAR_ASIDE)):
         for axis in range(5):
             gradient_out[axis] = 0.0
         return math.inf
@@ -308,7 +309,7 @@ def _moved(
 def value_at(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
     """Return V, m; outside the grid as said above."""
     xi, is_beside = p_x - shift_of_grid(table, v_r, v_o), _is_outside(table, 1, p_y)
-    if _is_outside(table, 0, xi) or (is_beside and not table.has_target):
+    if _is_outside(table, 0, xi) or (is_beside and not (table.has_target and abs(p_y) <= _FAR_ASIDE)):
         return math.inf
     if is_beside:
         return _claimed(table, theta, _target(table, p_x, p_y, theta, v_r, v_o))
