@@ -17,7 +17,7 @@ from hj_cosim.traffic.junctions import read_junctions
 from hj_cosim.traffic.road_end import RoadEnd
 from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.own_configuration import OwnConfiguration, copy_configuration
-from hj_cosim.traffic.sumo.between_steps import foreseen
+from hj_cosim.traffic.sumo.clocks import TwoClocks
 from hj_cosim.traffic.sumo.known_drivers import typical_driver
 from hj_cosim.traffic.sumo.puppet import GHOST, ROBOT, placement, without_ghost
 from hj_cosim.traffic.sumo.route_puppet import RoutePuppet
@@ -80,10 +80,7 @@ class OwnWorld:
             SimulationError: if SUMO refuses it, or a world is open already.
         """
         self._body = robot
-        self._step = step
-        self._steps = 0
-        self._steps_a_traffic_step = round(traffic_step / step)
-        self._traffic_step = self._steps_a_traffic_step * step
+        self._clocks = TwoClocks(step, traffic_step)
         self._session: SumoSession | None = None
         with contextlib.ExitStack() as unless_built:
             folder = unless_built.enter_context(temporary_folder())
@@ -101,13 +98,13 @@ class OwnWorld:
             self._surroundings.read()
             near = [self.vehicle_names[number] for number in self.observe().vehicle]
             self.predicted = typical_driver(near, scenario.drivers)
-            self.told = _notes(own, taken, self._traffic_step, self._end, self.predicted)
+            self.told = _notes(own, taken, self._clocks.traffic_step, self._end, self.predicted)
             self._at_the_end = unless_built.pop_all()
 
     def _resume(self, own: OwnConfiguration, taken: TakeOver, seed: int) -> None:
         self._session = SumoSession(without_ghost)
         words = [*resumed(own, taken, seed), *quiet(self._session.warnings_file)]
-        words += ["--step-length", repr(self._traffic_step)]
+        words += ["--step-length", repr(self._clocks.traffic_step)]
         for name, (value, _) in OVERRIDDEN.items():
             words += [f"--{name}", value]
         self._session.start(words, f"{own.path} from {taken.time:g} s on", inserts=False)
@@ -137,28 +134,22 @@ class OwnWorld:
         """NaN: nobody knows them; see World."""
         return self._surroundings.drivers
 
-    @property
-    def _time(self) -> float:
-        return self._steps * self._step
-
     def observe(self) -> Observation:
         """Return the robot and every vehicle near it; see World.observe."""
-        elapsed = self._steps % self._steps_a_traffic_step * self._step
-        return self._surroundings.observe(self._time, self._robot, self._robot_acceleration, elapsed)
+        clocks = self._clocks
+        return self._surroundings.observe(clocks.time, self._robot, self._robot_acceleration, clocks.elapsed)
 
     def settle(self, seconds: float) -> None:
         """Do nothing: the traffic has settled around the vehicle that was taken over."""
 
     def step(self, robot_state: np.ndarray, robot_acceleration: float) -> None:
         """Advance by one step; see World.step, and SumoWorld.step for the two clocks."""
-        self._end.require(float(robot_state[0]) + 0.5 * self._body.length, self._time)
-        if self._steps % self._steps_a_traffic_step == 0:
-            later = (self._steps_a_traffic_step - 1) * self._step
-            turn_rate = (float(robot_state[2]) - float(self._robot[2])) / self._step
-            end = foreseen(robot_state, turn_rate, robot_acceleration, later, self.road) if later else robot_state
+        self._end.require(float(robot_state[0]) + 0.5 * self._body.length, self._clocks.time)
+        if self._clocks.is_traffic_due:
+            end = self._clocks.robot_at_traffic_step(robot_state, self._robot, robot_acceleration, self.road)
             self._advance_traffic(end)
         self._robot, self._robot_acceleration = np.array(robot_state), float(robot_acceleration)
-        self._steps += 1
+        self._clocks.tick()
 
     def _advance_traffic(self, robot_state: np.ndarray) -> None:
         """Make a step of SUMO's, with the robot where it will be at the step's end.
@@ -176,9 +167,11 @@ class OwnWorld:
             self._puppet.place(robot, is_beside)
             self._session.step()
             self._puppet.after_step(float(robot_state[3]))
-            self._surroundings.read(self._traffic_step)
+            self._surroundings.read(self._clocks.traffic_step)
         except SUMO_ERRORS as error:
-            raise SimulationError(f"SUMO failed at {self._time:.2f} s: {' '.join(str(error).split())}") from error
+            raise SimulationError(
+                f"SUMO failed at {self._clocks.time:.2f} s: {' '.join(str(error).split())}"
+            ) from error
 
     def _close_session(self) -> None:
         if self._session is not None:

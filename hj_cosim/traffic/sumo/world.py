@@ -21,7 +21,7 @@ from hj_cosim.traffic.settling import follow_lane, robot_driver
 from hj_cosim.traffic.sources.placement import InitialTraffic, initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path
 from hj_cosim.traffic.sources.streams import drawn_streams
-from hj_cosim.traffic.sumo.between_steps import foreseen
+from hj_cosim.traffic.sumo.clocks import TwoClocks
 from hj_cosim.traffic.sumo.fleet import DECISION_PERIOD, DECISION_TURNS
 from hj_cosim.traffic.sumo.input import ROUTE, RobotVehicle, command_line, write_routes
 from hj_cosim.traffic.sumo.puppet import ROBOT, Puppet, is_ghost, placement, without_ghost
@@ -67,10 +67,7 @@ class SumoWorld:
             ScenarioError: if the cars do not fit.
             SimulationError: if a world is open already, or SUMO does not start.
         """
-        self._step = step
-        self._steps = 0
-        self._steps_a_traffic_step = 1 if traffic_step is None else round(traffic_step / step)
-        self._traffic_step = self._steps_a_traffic_step * step
+        self._clocks = TwoClocks(step, step if traffic_step is None else traffic_step)
         self._body = robot
         self._is_hand_made = scenario.is_hand_made
         self._robot_driver = robot_driver(scenario.drivers, scenario.robot.speed)
@@ -85,7 +82,7 @@ class SumoWorld:
             initial = initial_traffic(scenario, self.road, robot, seed)
             names = self._start(scenario, network, initial, seed)
             self._robot, self._robot_acceleration = initial.robot.copy(), 0.0
-            is_finer = self._steps_a_traffic_step > 1  # the robot's clock than SUMO's
+            is_finer = self._clocks.ratio > 1  # the robot's clock than SUMO's
             self._fleet = SharedFleet(
                 initial, names, robot, self._robot_driver, self.road, self._lanes, is_seen_between_steps=is_finer
             )
@@ -112,8 +109,8 @@ class SumoWorld:
                 streams = drawn_streams(scenario, seed)
                 write_routes(routes, self._lanes.route, initial, names, robot, self._lanes.departure, streams)
         warnings, looks = self._session.warnings_file, scenario.traffic.check_collisions
-        words = command_line(network, routes, warnings, self._traffic_step, seed, looks)
-        if self._steps_a_traffic_step > 1:
+        words = command_line(network, routes, warnings, self._clocks.traffic_step, seed, looks)
+        if self._clocks.ratio > 1:
             words += ["--step-method.ballistic", "true"]
         self._session.start(words, f"scenario {scenario.name} on {network}")
         inserted = libsumo.vehicle.getIDCount() - 1
@@ -144,29 +141,26 @@ class SumoWorld:
         """The cars' IDM parameters, by number; see World."""
         return self._fleet.drivers
 
-    @property
-    def _time(self) -> float:
-        return self._steps * self._step
-
     def observe(self) -> Observation:
         """Return the robot and every background car on the road; see World.observe."""
-        elapsed = self._steps % self._steps_a_traffic_step * self._step
-        return self._fleet.observe(self._time, self._robot, self._robot_acceleration, elapsed)
+        clocks = self._clocks
+        return self._fleet.observe(clocks.time, self._robot, self._robot_acceleration, clocks.elapsed)
 
     def settle(self, seconds: float) -> None:
         """Let the traffic run with the robot following its lane, then set the clock to 0; see World.settle.
 
         A scene made by hand is left as it was made. The robot has the traffic's clock meanwhile.
         """
-        for _ in range(0 if self._is_hand_made else round(seconds / self._traffic_step)):
+        for _ in range(0 if self._is_hand_made else round(seconds / self._clocks.traffic_step)):
             state, acceleration = follow_lane(
-                self.observe(), self._robot_driver, self.road, self._body.length, self._traffic_step
+                self.observe(), self._robot_driver, self.road, self._body.length, self._clocks.traffic_step
             )
-            require_road(self.road, placement(state, self._body, self.road).along, self._time)
+            require_road(self.road, placement(state, self._body, self.road).along, self._clocks.time)
             self._advance_traffic(state, acceleration, rogues_begin=False)
             self._robot, self._robot_acceleration = state, acceleration
-            self._steps += self._steps_a_traffic_step
-        self._steps = self._turns_taken = 0
+            self._clocks.tick_of_traffic()
+        self._clocks.reset()
+        self._turns_taken = 0
 
     def step(self, robot_state: np.ndarray, robot_acceleration: float) -> None:
         """Advance by one step; see World.step.
@@ -175,14 +169,12 @@ class SumoWorld:
         it, they do by what they see at its beginning. Where the robot will be at its end is foreseen.
         """
         front = float(robot_state[0]) + 0.5 * self._body.length * math.cos(robot_state[2])
-        require_road(self.road, front, self._time)
-        if self._steps % self._steps_a_traffic_step == 0:
-            later = (self._steps_a_traffic_step - 1) * self._step
-            turn_rate = (float(robot_state[2]) - float(self._robot[2])) / self._step
-            end = foreseen(robot_state, turn_rate, robot_acceleration, later, self.road) if later else robot_state
+        require_road(self.road, front, self._clocks.time)
+        if self._clocks.is_traffic_due:
+            end = self._clocks.robot_at_traffic_step(robot_state, self._robot, robot_acceleration, self.road)
             self._advance_traffic(end, robot_acceleration)
         self._robot, self._robot_acceleration = np.array(robot_state), float(robot_acceleration)
-        self._steps += 1
+        self._clocks.tick()
 
     def _advance_traffic(
         self, robot_state: np.ndarray, robot_acceleration: float, *, rogues_begin: bool = True
@@ -197,28 +189,28 @@ class SumoWorld:
         """
         robot = placement(robot_state, self._body, self.road)
         try:
-            if self._steps_a_traffic_step > 1:
+            if self._clocks.ratio > 1:
                 self._fleet.correct_robot(self._robot, self._robot_acceleration)
                 self._puppet.correct_speed(float(self._robot[3]))
             is_beside_somebody = self._fleet.is_beside_robot()
             self._request_lane_changes()
             self._session.expect_moves()
             if rogues_begin:
-                self._rogues.place(self.observe(), self._traffic_step)
+                self._rogues.place(self.observe(), self._clocks.traffic_step)
             self._puppet.place(robot, is_beside_somebody)
             self._session.step()
             self._puppet.after_step(float(robot_state[3]))
             self._rogues.after_step()
             self._fleet.move_robot(robot)
-            self._fleet.read(robot_state, robot_acceleration, self._traffic_step, _is_car)
+            self._fleet.read(robot_state, robot_acceleration, self._clocks.traffic_step, _is_car)
         except SUMO_ERRORS as error:
-            raise SimulationError(f"SUMO failed at {self._time:.2f} s: {error}") from error
+            raise SimulationError(f"SUMO failed at {self._clocks.time:.2f} s: {error}") from error
 
     def _request_lane_changes(self) -> None:
         """Let those change lanes who have decided to since the last step; a turn is a tenth of a decision's period."""
-        turns_due = math.floor(self._time * DECISION_TURNS / DECISION_PERIOD + TURN_TOLERANCE) + 1
+        turns_due = math.floor(self._clocks.time * DECISION_TURNS / DECISION_PERIOD + TURN_TOLERANCE) + 1
         for turn in range(self._turns_taken, turns_due):
-            self._fleet.request_lane_changes(turn, self._mobil, self._traffic_step)
+            self._fleet.request_lane_changes(turn, self._mobil, self._clocks.traffic_step)
         self._turns_taken = turns_due
 
     def close(self) -> None:
