@@ -100,8 +100,9 @@ class _StudyOnPage:
         spared = [number for number in range(len(counts)) if number not in crashed]
         if spared:
             driven = sum(self._rows[number]["episodes"] for number in spared)
-            names = "" if len(crashed) and len(spared) > 4 else f": {', '.join(self._names[n] for n in spared)}"
-            lines.append(f"<li><b>0 of {driven:g}</b> in the other {len(spared)} rows{escape(names)}</li>")
+            names = "" if len(crashed) and len(spared) > 4 else f": {'; '.join(self._names[n] for n in spared)}"
+            which = f"{'the other' if crashed else 'all'} {len(spared)} rows" if len(spared) > 1 else "one row"
+            lines.append(f"<li><b>0 of {driven:g}</b> in {which}{escape(names)}</li>")
         yield f'<ul class="crashes">{"".join(lines)}</ul>'
         if self._missing:
             yield f"<p>{self._missing} episodes are missing: they failed.</p>"

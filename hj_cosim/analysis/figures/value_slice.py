@@ -59,7 +59,14 @@ def value_slice(
         axes.grid(False)
         unit = " (m)" if is_of_two_cars else ""
         ticks = np.linspace(-limit, limit, 7)
-        figure.colorbar(filled, ax=axes, label=f"V{unit}, black: V = 0", extend="both", ticks=ticks, format="%.3g")
+        figure.colorbar(
+            filled,
+            ax=axes,
+            label=f"V{unit}, black: 0, dotted: ±{limit / 3.0:.3g}",
+            extend="both",
+            ticks=ticks,
+            format="%.3g",
+        )
     along, across = np.meshgrid(drawn.x, drawn.y)
     data = {drawn.x_name: along.ravel(), drawn.y_name: across.ravel(), "value": drawn.values.ravel()}
     return style.Drawing(figure, pd.DataFrame(data))
