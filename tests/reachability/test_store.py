@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hj_cosim.errors import ConfigurationError, TableError
-from hj_cosim.reachability.table.size_classes import CAR, SIZE_CLASSES, size_class
+from hj_cosim.reachability.table.size_classes import CAR, SIZE_CLASSES
 from hj_cosim.reachability.table.store import (
     for_pair,
     kept_table,
@@ -129,25 +129,6 @@ def test_a_robot_that_no_grid_can_hold_is_refused_in_a_sentence(highway_small: T
     )
     with pytest.raises(ConfigurationError, match=r"robot\.speed_max = 1000 m/s: .*200 million"):
         for_pair(wide, RobotSettings(speed_max=1000.0))
-
-
-@pytest.mark.parametrize(
-    ("length", "width", "name"),
-    [
-        (3.5, 1.6, "car"),
-        (5.0, 2.0, "car"),
-        (5.1, 1.9, "van or truck"),
-        (4.0, 2.2, "van or truck"),
-        (16.0, 2.5, "long truck"),
-    ],
-)
-def test_a_car_has_the_smallest_size_class_that_it_fits_into(length: float, width: float, name: str) -> None:
-    assert size_class(length, width).name == name
-
-
-def test_what_fits_into_no_size_class_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match=r"25 m x 2\.5 m is larger"):
-        size_class(25.0, 2.5)
 
 
 def test_a_solved_table_serves_as_a_specification(tiny: Path) -> None:
