@@ -6,7 +6,7 @@ from pydantic import Field
 
 from hj_cosim.settings.base import Metres, MetresPerSecondSquared, Number, PerSecond, Seconds, Settings
 
-Backend = Literal["daqp", "osqp", "quadprog", "piqp", "clarabel"]
+Backend = Literal["daqp", "osqp", "quadprog", "piqp", "clarabel", "enumeration"]
 
 
 class RssParameters(Settings):
@@ -56,7 +56,9 @@ class FilterSettings(Settings):
         description="SPC's control gives way to an escaping manoeuvre where it would leave none; not in the paper",
     )
     solver: Backend = Field(
-        "daqp", description="of the filter's problem; quadprog may never end where many cars are at one place"
+        "daqp",
+        description="of the filter's problem, one of qpsolvers' or this project's own enumeration, which is exact and"
+        " the quickest; quadprog may never end where many cars are at one place",
     )
     rss: RssParameters = Field(
         RssParameters(response_time=0.5, brake_min=4.0, brake_max=8.0), description="of the filter rss"

@@ -121,6 +121,17 @@ def test_where_the_desired_control_meets_all_rows_mi_needs_no_solver_and_agrees_
     assert solver.solve(rows, 0.31, 1.0, BOX).backend == "daqp"
 
 
+def test_where_enumeration_is_chosen_no_backend_is_asked_and_none_fails():
+    counts: Counter = Counter()
+    chosen = SafetySolver(FilterSettings(solver=ENUMERATION), ROBOT, counts)
+    rows = rows_of([3.0, -2.0], [-1.0, -1.0], [4.0, 4.0])
+    by_daqp = SafetySolver(FilterSettings(), ROBOT, counts).solve(rows, 0.1, 3.9, BOX)
+    solution = chosen.solve(rows, 0.1, 3.9, BOX)
+    assert solution.backend == ENUMERATION
+    assert not counts
+    assert (solution.omega, solution.acceleration) == pytest.approx((by_daqp.omega, by_daqp.acceleration), abs=1e-6)
+
+
 def test_without_violation_mi_changes_nothing_and_sw_keeps_away_from_the_rows():
     rows = rows_of([0.0], [-1.0], [20.0])  # a <= 20
     interventional = SafetySolver(FilterSettings(scheme="mi"), ROBOT, Counter()).solve(rows, 0.1, 1.0, BOX)

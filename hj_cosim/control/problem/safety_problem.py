@@ -29,7 +29,7 @@ TIE_WEIGHT = 1e-6  # of λ_1, λ_2 after scaling by ω̄ and ā
 FEASIBILITY_TOLERANCE = 1e-4
 # A row with a larger coefficient comes from a broken table; squares of smaller ones do not overflow in any solver.
 LARGEST_COEFFICIENT = 1e12
-# The last resort, and the solver inside jitted rollouts.
+# The solver of the preset `best` and of jitted rollouts, so that what is attacked is what drives; and the last resort.
 ENUMERATION = "enumeration"
 # In MI the desired control is the solution, of cost 0, where it lies in the box and meets all rows.
 NOT_NEEDED = "none needed"
@@ -231,14 +231,15 @@ class SafetySolver:
         Raises:
             ConfigurationError: if the backend is not installed.
         """
-        available = qpsolvers.available_solvers
+        available = [*qpsolvers.available_solvers, ENUMERATION]
         if settings.solver not in available:
             raise ConfigurationError(
                 f"filter.solver = {settings.solver!r} is not installed; install hj-cosim[solvers] or choose one of "
-                + ", ".join(name for name in _BACKEND_OPTIONS if name in available)
+                + ", ".join(name for name in (*_BACKEND_OPTIONS, ENUMERATION) if name in available)
             )
         others = [name for name in _FALLBACKS if name in available and name != settings.solver]
-        self.backends: Sequence[str] = (settings.solver, *others)
+        # Those of qpsolvers that are asked, in turn: none where enumeration is chosen, which cannot fail.
+        self.backends: Sequence[str] = () if settings.solver == ENUMERATION else (settings.solver, *others)
         self.counts = counts
         self.weights = SafetyWeights.of(settings, robot)
         self._weight_array = np.array([self.weights.omega, self.weights.acceleration, self.weights.slack])
@@ -266,6 +267,8 @@ class SafetySolver:
             desired_omega, desired_acceleration, rows.p, rows.q, rows.c, box
         ):
             return SafetySolution(desired_omega, desired_acceleration, 0.0, NOT_NEEDED)  # its cost is 0
+        if not self.backends:
+            return self._enumerated(rows, desired_omega, desired_acceleration, box)
         linear, inequality = _scaled_problem(
             rows.p,
             rows.q,
@@ -283,6 +286,12 @@ class SafetySolver:
                     slack = needed if self.weights.slack_is_free else max(needed, 0.0)
                     return SafetySolution(omega, acceleration, slack, backend)
             self.counts[backend + FAILED] += 1
+        return self._enumerated(rows, desired_omega, desired_acceleration, box)
+
+    def _enumerated(
+        self, rows: SafetyRows, desired_omega: float, desired_acceleration: float, box: np.ndarray
+    ) -> SafetySolution:
+        """Return the solution by enumeration."""
         omega, acceleration, slack = least_cost_control(
             rows.p,
             rows.q,

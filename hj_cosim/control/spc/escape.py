@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from hj_cosim.errors import TableError
 from hj_cosim.reachability.games.highway.manoeuvres import (
@@ -34,8 +35,9 @@ from hj_cosim.reachability.games.highway.manoeuvres import (
     require_path,
     room_for_paths,
 )
-from hj_cosim.reachability.games.highway.paths import Start, turning_max
+from hj_cosim.reachability.games.highway.paths import Start, game_from, turning_max
 from hj_cosim.reachability.games.highway.target import target_at
+from hj_cosim.reachability.packing import packed
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import RobotSettings
 
@@ -245,23 +247,48 @@ def keep_escape(
     return turning, gain, ESCAPING if most > 0.0 else NO_ESCAPE, best
 
 
+_OF_EXTENT = len(Extent._fields)
+
+
+def packed_escape(table: ValueTable, manoeuvres: Manoeuvres, epsilon: float, step: float) -> np.ndarray:
+    """Return the numbers that `keep_escape_in_traffic` takes, quickly handed over: the extent, ε, the step, the game's.
+
+    Args:
+        table: V.
+        manoeuvres: which there are.
+        epsilon: ε, m.
+        step: s, for which a control is held.
+    """
+    return packed((Extent.of(table), epsilon, step, manoeuvres.game))
+
+
 # Twelve parameters: a NamedTuple of arrays costs a microsecond to hand over, at every step.
 @njit(cache=True)
 def keep_escape_in_traffic(
-    manoeuvres: Manoeuvres,
-    extent: Extent,
+    headings: np.ndarray,
+    accelerations: np.ndarray,
+    numbers: np.ndarray,
     robot: np.ndarray,
     x: np.ndarray,
     y: np.ndarray,
     speed: np.ndarray,
     values: np.ndarray,
-    epsilon: float,
     omega: float,
     acceleration: float,
-    step: float,
     driven: int,
 ) -> tuple[float, float, int, int]:
-    """Return what `keep_escape` does among all cars, (J,) arrays in m, m, m/s and m; those with V <= ε are in K."""
+    """Return what `keep_escape` does among all cars; those with V <= ε are in K.
+
+    Args:
+        headings, accelerations: (M,) of the manoeuvres.
+        numbers: of `packed_escape`.
+        robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
+        x, y, speed, values: (J,) m, m, m/s and m, of the cars.
+        omega, acceleration, driven: as `keep_escape` takes them.
+    """
+    extent = Extent(*to_fixed_tuple(numbers, _OF_EXTENT))
+    epsilon, step = numbers[_OF_EXTENT], numbers[_OF_EXTENT + 1]
+    manoeuvres = Manoeuvres(headings, accelerations, game_from(numbers[_OF_EXTENT + 2 :]))
     others, in_k = np.empty((len(x), 3)), np.empty(len(x), np.bool_)
     count = 0
     for j in range(len(x)):

@@ -14,9 +14,9 @@ from hj_cosim.control.spc.escape import (
     NO_ESCAPE,
     NO_MANOEUVRE,
     PASSED,
-    Extent,
     keep_escape_in_traffic,
     manoeuvres_for,
+    packed_escape,
 )
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
 from hj_cosim.reachability.table.cars import rows_of_cars, smooth_gradients
@@ -55,7 +55,7 @@ class SafetyPreservingFilter:
         self._step = step
         self._table = table
         self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
-        self._extent = Extent.of(table)
+        self._escape_numbers = packed_escape(table, self._manoeuvres, settings.epsilon, step)
         self._driven = NO_MANOEUVRE
         self._limits = limits_of(robot)
         # What the bicycle turns in a step at a changing speed differs from ω step, by less than the largest of these.
@@ -119,17 +119,16 @@ class SafetyPreservingFilter:
     ) -> tuple[float, float, int, int]:
         """Return what `keep_escape_in_traffic` does."""
         return keep_escape_in_traffic(
-            self._manoeuvres,
-            self._extent,
+            self._manoeuvres.heading,
+            self._manoeuvres.acceleration,
+            self._escape_numbers,
             observation.robot,
             observation.x,
             observation.y,
             observation.speed,
             values.value,
-            self._epsilon,
             asked.omega,
             asked.acceleration,
-            self._step,
             self._driven,
         )
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from hj_cosim.reachability.table.lookup import TableArrays, smooth_gradient_at, value_and_gradient_at
+from hj_cosim.reachability.table.lookup import smooth_gradient_at, table_from, value_and_gradient_at
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import NOBODY, Cars, CarValues, Observation, is_possible
 
@@ -21,7 +21,7 @@ def car_values(table: ValueTable, observation: Observation) -> CarValues:
     """
     observation = observation.as_cars
     value, gradient, least, nearest = _car_values(
-        table.arrays, observation.robot, observation.x, observation.y, observation.heading, observation.speed
+        *table.packed, observation.robot, observation.x, observation.y, observation.heading, observation.speed
     )
     return CarValues(value, gradient, least, nearest)
 
@@ -31,7 +31,9 @@ def smooth_gradients(table: ValueTable, observation: Observation, values: CarVal
 
     Of cars with V up to SMOOTHED; of others, which no row is about, they are those of `values`.
     """
-    return _smooth_gradients(table.arrays, observation.robot, observation.cars, values.value, values.gradient)
+    deficit, numbers = table.packed
+    seen = observation
+    return _smooth_gradients(deficit, numbers, seen.robot, seen.x, seen.y, seen.speed, values.value, values.gradient)
 
 
 def rows_of_cars(
@@ -57,12 +59,19 @@ def rows_of_cars(
 
 @njit(cache=True)
 def _car_values(
-    table: TableArrays, robot: np.ndarray, x: np.ndarray, y: np.ndarray, heading: np.ndarray, speed: np.ndarray
+    deficit: np.ndarray,
+    numbers: np.ndarray,
+    robot: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    heading: np.ndarray,
+    speed: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, float, int]:
     """Return V (J,), its gradients (J, 5), the least V and its index; NaN, and NOBODY, where any is not a number.
 
-    One pass for all who want V or its gradient: handing the table to a kernel costs more than its look-ups.
+    One pass for all who want V or its gradient, with the table as `ValueTable.packed` has it.
     """
+    table = table_from(deficit, numbers)
     value, gradient = np.full(len(x), np.nan), np.zeros((len(x), 5))
     if not is_possible(robot, x, y, heading, speed):
         return value, gradient, math.nan, NOBODY
@@ -78,14 +87,19 @@ def _car_values(
 
 @njit(cache=True)
 def _smooth_gradients(
-    table: TableArrays, robot: np.ndarray, cars: Cars, values: np.ndarray, gradients: np.ndarray
+    deficit: np.ndarray,
+    numbers: np.ndarray,
+    robot: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    speed: np.ndarray,
+    values: np.ndarray,
+    gradients: np.ndarray,
 ) -> np.ndarray:
-    found = gradients.copy()
+    table, found = table_from(deficit, numbers), gradients.copy()
     for j in range(len(values)):
         if values[j] <= SMOOTHED:
-            smooth_gradient_at(
-                table, robot[0] - cars.x[j], robot[1] - cars.y[j], robot[2], robot[3], cars.speed[j], found[j]
-            )
+            smooth_gradient_at(table, robot[0] - x[j], robot[1] - y[j], robot[2], robot[3], speed[j], found[j])
     return found
 
 

@@ -26,8 +26,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from hj_cosim.reachability.games.highway.target import TargetFormula, target_and_gradient_at, target_at
+from hj_cosim.reachability.games.highway.target import (
+    FORMULA_NUMBERS,
+    TargetFormula,
+    formula_from,
+    target_and_gradient_at,
+    target_at,
+)
 from hj_cosim.reachability.table.value_scale import scaled, steepness, unscaled
 
 _ONE = np.uint64(1)
@@ -49,6 +56,21 @@ class TableArrays(NamedTuple):
     has_target: bool  # else the game is another with the same state, and W is −V
 
 
+@njit(cache=True)
+def table_from(deficit: np.ndarray, numbers: np.ndarray) -> TableArrays:
+    """Return the table of W, 5 axes, and of all its numbers (`reachability.packing`)."""
+    return TableArrays(
+        deficit,
+        deficit.reshape(-1),
+        to_fixed_tuple(numbers, 5),
+        to_fixed_tuple(numbers[5:], 5),
+        to_fixed_tuple(numbers[10:], 5),
+        numbers[15],
+        formula_from(numbers[16:]),
+        numbers[16 + FORMULA_NUMBERS] != 0.0,
+    )
+
+
 class Cell(NamedTuple):
     """The cell that a state lies in: its first corner, the steps to the others, and where in it the state is."""
 
@@ -62,31 +84,6 @@ class Cell(NamedTuple):
     theta: float
     r: float
     o: float
-
-
-@njit(cache=True)
-def deficits(
-    values: np.ndarray, lower: np.ndarray, spacing: np.ndarray, braking_shear: float, target: TargetFormula
-) -> np.ndarray:
-    """Return W = s(V0) − s(V) at the nodes, float32 of the shape of `values`, V's; nowhere negative."""
-    found = np.empty_like(values)
-    for i in range(values.shape[0]):
-        for j in range(values.shape[1]):
-            for k in range(values.shape[2]):
-                for m in range(values.shape[3]):
-                    v_r = lower[3] + m * spacing[3]
-                    for n in range(values.shape[4]):
-                        v_o = lower[4] + n * spacing[4]
-                        above = target_at(
-                            target,
-                            lower[0] + i * spacing[0] + braking_shear * (v_o * v_o - v_r * v_r),
-                            lower[1] + j * spacing[1],
-                            lower[2] + k * spacing[2],
-                            v_r,
-                            v_o,
-                        )
-                        found[i, j, k, m, n] = max(scaled(above) - scaled(values[i, j, k, m, n]), 0.0)
-    return found
 
 
 @njit(cache=True)

@@ -11,9 +11,11 @@ from hj_cosim.errors import StateError, TableError
 from hj_cosim.reachability.games.contract import TWO_CARS, Game, HalfPlanes, RowsOfCars
 from hj_cosim.reachability.games.highway.target import TargetFormula
 from hj_cosim.reachability.grid import Grid
+from hj_cosim.reachability.packing import packed
 from hj_cosim.reachability.solver.solver import SolveReport, state_limits
+from hj_cosim.reachability.table.deficits import deficits
 from hj_cosim.reachability.table.interpolation import interpolate
-from hj_cosim.reachability.table.lookup import TableArrays, deficits, values_and_gradients
+from hj_cosim.reachability.table.lookup import TableArrays, values_and_gradients
 from hj_cosim.reachability.table.states import state_rows
 from hj_cosim.settings import TableSpecification
 
@@ -73,6 +75,11 @@ class ValueTable:
             target,
             game.target_formula is not None,
         )
+
+    @cached_property
+    def packed(self) -> tuple[np.ndarray, np.ndarray]:
+        """What `lookup.table_from` makes `arrays` of again: W and the numbers; quickly handed to a kernel."""
+        return self.arrays.deficit, packed(self.arrays)
 
     def manoeuvres(self, robot: Mapping[str, float] | None = None) -> Any:
         """Return the manoeuvres of the table's game, which judge states without its grid, as its kernels take them.

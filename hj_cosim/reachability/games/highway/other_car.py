@@ -21,6 +21,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 from numba import njit
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from hj_cosim.errors import TableError
 from hj_cosim.reachability.games.contract import FLOATING_POINT
@@ -89,6 +90,16 @@ class Disturbance(NamedTuple):
             responsible=parameters.get("responsible", 0.0) != 0.0,
             **{name: parameters[of] for name, of in _DUTIES.items() if of in parameters},
         )
+
+
+_OF_DUTIES = len(Disturbance._fields) - 4  # numbers
+
+
+@njit(cache=True)
+def disturbance_from(numbers: np.ndarray) -> Disturbance:
+    """Return the assumption whose numbers these are (`reachability.packing`)."""
+    low, high, gain = numbers[0], numbers[1], numbers[2]
+    return Disturbance(low, high, gain, numbers[3] != 0.0, *to_fixed_tuple(numbers[4:], _OF_DUTIES))
 
 
 class Allowed(NamedTuple):

@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from hj_cosim.reachability.games.highway.other_car import Disturbance
-from hj_cosim.reachability.games.highway.target import TargetFormula
+from hj_cosim.reachability.games.highway.other_car import Disturbance, disturbance_from
+from hj_cosim.reachability.games.highway.target import FORMULA_NUMBERS, TargetFormula, formula_from
 
 DURATION = 8.0  # s, of a manoeuvre
 _TURNING_STEP, _STRAIGHT_STEP = 0.1, 0.25  # s, between instants
@@ -51,6 +52,17 @@ class Game(NamedTuple):
     other: (
         Disturbance  # what is assumed of it; if it does its duties, a manoeuvre ends as soon as the robot is straight
     )
+
+
+_OF_ITS_OWN = len(Game._fields) - 2  # numbers
+
+
+@njit(cache=True)
+def game_from(numbers: np.ndarray) -> Game:
+    """Return the game whose numbers these are (`reachability.packing`)."""
+    own, rest = to_fixed_tuple(numbers, _OF_ITS_OWN), numbers[_OF_ITS_OWN:]
+    both = formula_from(rest), disturbance_from(rest[FORMULA_NUMBERS:])
+    return Game(*(own + both))
 
 
 class Start(NamedTuple):

@@ -21,9 +21,11 @@ from hj_cosim.reachability.games.highway.other_car import (
     Disturbance,
     allowed,
     available_acceleration,
+    disturbance_from,
     worst_heading_sine,
 )
-from hj_cosim.reachability.games.highway.target import TargetFormula, terms_at
+from hj_cosim.reachability.games.highway.target import FORMULA_NUMBERS, TargetFormula, formula_from, terms_at
+from hj_cosim.reachability.packing import packed
 from hj_cosim.reachability.table.value_scale import scaled, steepness, unscaled
 from hj_cosim.scene.observation import Cars
 
@@ -96,21 +98,24 @@ def write_row(
 @njit(cache=True)
 def _rows_of_cars(
     robot: np.ndarray,
-    cars: Cars,
+    x: np.ndarray,
+    y: np.ndarray,
+    speed: np.ndarray,
     values: np.ndarray,
     gradients: np.ndarray,
     bound: float,
-    game: tuple[TargetFormula, Disturbance],
+    numbers: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
+    target, other = formula_from(numbers), disturbance_from(numbers[FORMULA_NUMBERS:])
     chosen, rows = np.empty(len(values), np.int64), np.empty((len(values), 8))
     state = np.empty(5)
     count = 0
     for j in range(len(values)):
         if values[j] <= bound:
-            state[0], state[1] = robot[0] - cars.x[j], robot[1] - cars.y[j]
-            state[2], state[3], state[4] = robot[2], robot[3], cars.speed[j]
+            state[0], state[1] = robot[0] - x[j], robot[1] - y[j]
+            state[2], state[3], state[4] = robot[2], robot[3], speed[j]
             chosen[count] = j
-            write_row(game[0], game[1], state, values[j], gradients[j], rows[count])
+            write_row(target, other, state, values[j], gradients[j], rows[count])
             count += 1
     return chosen[:count], rows[:count].T.copy()
 
@@ -121,12 +126,12 @@ def closed_rows(parameters: Mapping[str, float]) -> RowsOfCars:
     Args:
         parameters: all of a highway game.
     """
-    game = TargetFormula.of_game(parameters), Disturbance.of_game(parameters)
+    numbers = packed((TargetFormula.of_game(parameters), Disturbance.of_game(parameters)))
 
     def rows_of_cars(
         robot: np.ndarray, cars: Cars, values: np.ndarray, gradients: np.ndarray, bound: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        chosen, rows = _rows_of_cars(robot, cars, values, gradients, bound, game)
+        chosen, rows = _rows_of_cars(robot, cars.x, cars.y, cars.speed, values, gradients, bound, numbers)
         return chosen, rows
 
     return rows_of_cars

@@ -8,7 +8,9 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+import numpy as np
 from numba import njit
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
 _PARAMETERS = (
     "length",
@@ -80,6 +82,15 @@ class TargetFormula(NamedTuple):
     def of_game(cls, parameters: Mapping[str, float]) -> "TargetFormula":
         """Return the formula for all parameters of a highway game, which may be more than it needs."""
         return cls.of(**{name: parameters[name] for name in _PARAMETERS})
+
+
+FORMULA_NUMBERS = len(TargetFormula._fields)
+
+
+@njit(cache=True)
+def formula_from(numbers: np.ndarray) -> TargetFormula:
+    """Return the formula whose FORMULA_NUMBERS these are (`reachability.packing`)."""
+    return TargetFormula(*to_fixed_tuple(numbers, FORMULA_NUMBERS))
 
 
 @njit(cache=True)
