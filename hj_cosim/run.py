@@ -17,7 +17,8 @@ from hj_cosim.files import file_name
 from hj_cosim.locations import given_path, runs_folder
 from hj_cosim.planning.contract import Planner
 from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
-from hj_cosim.reachability.table.store import load_table
+from hj_cosim.reachability.table.size_classes import classes_met
+from hj_cosim.reachability.table.sized import load_tables
 from hj_cosim.recording.run_folder import require_free_folder
 from hj_cosim.settings import EpisodeConfig, Scenario, overlay
 from hj_cosim.traffic.sources.scenarios import scenario_data, scenario_path
@@ -104,7 +105,8 @@ def run_episode(
     folder = out(config) if callable(out) else None if out is None else given_path(out, "out")
     if folder is not None:
         require_free_folder(folder)
-    value_table = load_table(config.table, tell.solving, robot=config.robot, announce=tell.announce)
+    sizes = classes_met(config.scenario.bodies)
+    value_table = load_tables(config.table, sizes, tell.solving, robot=config.robot, announce=tell.announce)
     episode = run_in_sumo(config, value_table, tell.driving, tell.announce)
     if folder is None:
         return episode

@@ -5,10 +5,11 @@ import math
 import numpy as np
 from numba import njit
 
-from hj_cosim.reachability.table.lookup import TableArrays, value_at
+from hj_cosim.reachability.table.lookup import value_at
+from hj_cosim.reachability.table.size_classes import class_of, offsets_in_class
+from hj_cosim.reachability.table.stack import TableStack, table_in
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import RunRecord
-from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH, to_nearest_part
 
 
 def car_values(record: RunRecord, table: ValueTable) -> np.ndarray:
@@ -16,12 +17,12 @@ def car_values(record: RunRecord, table: ValueTable) -> np.ndarray:
     robot, traffic = record.robot, record.traffic
     states = np.column_stack([robot.x, robot.y, robot.heading, robot.speed])
     sizes = np.column_stack([traffic.length, traffic.width])
-    return _car_values(table.arrays, states, traffic.present, traffic.x, traffic.y, traffic.speed, sizes)
+    return _car_values(table.stack, states, traffic.present, traffic.x, traffic.y, traffic.speed, sizes)
 
 
 @njit(cache=True)
 def _car_values(
-    table: TableArrays,
+    tables: TableStack,
     robot: np.ndarray,
     present: np.ndarray,
     x: np.ndarray,
@@ -30,12 +31,15 @@ def _car_values(
     sizes: np.ndarray,
 ) -> np.ndarray:
     samples, cars = x.shape
-    values = np.full((samples, cars), math.inf, np.float32)
-    for t in range(samples):
-        for j in range(cars):
+    values, numbers = np.full((samples, cars), math.inf, np.float32), tables.numbers
+    for j in range(cars):
+        kind = class_of(numbers, sizes[j, 0], sizes[j, 1])
+        table = table_in(tables.flat, numbers, kind)
+        for t in range(samples):
             if present[t, j]:
-                p_x = to_nearest_part(robot[t, 0] - x[t, j], sizes[j, 0], CAR_LENGTH)
-                p_y = to_nearest_part(robot[t, 1] - y[t, j], sizes[j, 1], CAR_WIDTH)
+                p_x, p_y = offsets_in_class(
+                    numbers, kind, robot[t, 0] - x[t, j], robot[t, 1] - y[t, j], sizes[j, 0], sizes[j, 1]
+                )
                 values[t, j] = value_at(table, p_x, p_y, robot[t, 2], robot[t, 3], speed[t, j])
     return values
 

@@ -26,6 +26,8 @@ from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.contract import IDLE, Plan, Planner
 from hj_cosim.planning.guard import GuardedPlanner
 from hj_cosim.reachability.table.cars import car_values
+from hj_cosim.reachability.table.size_classes import classes_met
+from hj_cosim.reachability.table.sized import with_classes
 from hj_cosim.reachability.table.store import require_robot, specification_hash
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.frames import RunFrames
@@ -207,7 +209,8 @@ def run_in_sumo(
 
     Args:
         config: what to run.
-        table: the solved value table that planner and filter share.
+        table: the solved value table that planner and filter share, with those of the larger size classes that a
+            scenario has; those that a user's own simulation turns out to have are solved, if they are not.
         progress: called with the samples driven and the samples in all, once a plan.
         announce: told what was chosen, overridden and silenced in a user's own simulation, before the drive.
 
@@ -219,17 +222,21 @@ def run_in_sumo(
     require_robot(table, config.robot)
     started = time.perf_counter()
     with open_world(config, table) as world:
-        if announce is not None and isinstance(world, OwnWorld):
-            announce(world.told)
+        if isinstance(world, OwnWorld):
+            if announce is not None:
+                announce(world.told)
+            table = with_classes(table, config.table, classes_met(world.bodies), robot=config.robot, announce=announce)
         world.settle(config.simulation.settle_time)
         drivers = world.predicted if isinstance(world, OwnWorld) else config.scenario.drivers
         planner = make_planner(config.planner, config.robot, drivers, world.road, table)
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
-        audit = PromiseAudit(table.arrays, promises=isinstance(safety_filter, SafetyPreservingFilter))
+        audit = PromiseAudit(table.stack, promises=isinstance(safety_filter, SafetyPreservingFilter))
         driven = drive(world, planner, safety_filter, table, config, audit, progress)
     wall_seconds = time.perf_counter() - started
     summary = summarize(driven.record, config, audit.summary() | fallback_summary(driven.diagnostics))
     versions = {**program_versions(), TABLE: specification_hash(table.specification, table.game)}
+    for each in table.larger:
+        versions[f"{TABLE}, {each.size.name}"] = specification_hash(each.specification, each.game)
     notes = world.told if isinstance(world, OwnWorld) else None
     taken = timing(summary, wall_seconds)
     return Episode(config, driven.record, summary, world.drivers, taken, versions, notes=notes)

@@ -1,14 +1,12 @@
 """What the robot sees at one instant, as arrays in the road frame, and what it means to do."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-
-from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
 
 # m, rad and m/s: no road reaches farther, and nothing is faster. What is beyond is as broken as NaN.
 FARTHEST = 1e7
@@ -47,31 +45,14 @@ class Observation:
     target_lane: np.ndarray  # (J,) int, where a change in progress leads; the lane itself otherwise
     length: np.ndarray  # (J,) m
     width: np.ndarray  # (J,) m
+    # (J, 6) what can be expected of each driver by its vehicle, IDM's parameters in the order of vehicles.idm; None
+    # where nothing tells them apart.
+    expected_driver: np.ndarray | None = None
 
     @cached_property
     def cars(self) -> Cars:
         """Where the cars are, how they move and how large they are; the same arrays, together."""
         return Cars(self.vehicle, self.x, self.y, self.heading, self.speed, self.length, self.width)
-
-    @cached_property
-    def as_cars(self) -> "Observation":
-        """The scene as a value table of two cars is asked about it; the observation itself if nobody is larger.
-
-        In place of a van, a truck or a coach there is a car, at the place within the larger body that is nearest to the
-        robot: from there the table's distances are those to the body.
-        """
-        if self.length.max(initial=0.0) <= CAR_LENGTH and self.width.max(initial=0.0) <= CAR_WIDTH:
-            return self
-        spare_length = 0.5 * (self.length - CAR_LENGTH)
-        spare_width = 0.5 * (self.width - CAR_WIDTH)
-        along, aside = np.maximum(spare_length, 0.0), np.maximum(spare_width, 0.0)
-        return replace(
-            self,
-            x=self.x + np.clip(self.robot[0] - self.x, -along, along),
-            y=self.y + np.clip(self.robot[1] - self.y, -aside, aside),
-            length=np.minimum(self.length, CAR_LENGTH),
-            width=np.minimum(self.width, CAR_WIDTH),
-        )
 
 
 @dataclass(frozen=True, slots=True)

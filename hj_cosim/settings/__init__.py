@@ -28,12 +28,14 @@ from hj_cosim.settings.rogues import MIXED, RogueLimits, RogueSettings
 from hj_cosim.settings.scenario import (
     CarStart,
     DriverSettings,
+    KindDrivers,
     NetworkSettings,
     NormalDistribution,
     RobotStart,
     Scenario,
     StreamSettings,
     TrafficSettings,
+    VehicleSettings,
 )
 from hj_cosim.settings.table import Boundary, GridSettings, Scheme, TableSpecification
 
@@ -52,6 +54,7 @@ __all__ = [
     "EpisodeConfig",
     "FilterSettings",
     "GridSettings",
+    "KindDrivers",
     "NetworkSettings",
     "NormalDistribution",
     "OwnSimulationSettings",
@@ -70,6 +73,7 @@ __all__ = [
     "TableSpecification",
     "TrackingSettings",
     "TrafficSettings",
+    "VehicleSettings",
     "assignment_texts",
     "explanation",
     "flattened",

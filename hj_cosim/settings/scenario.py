@@ -17,6 +17,9 @@ from hj_cosim.settings.base import (
 from hj_cosim.settings.own_simulation import OwnSimulationSettings
 from hj_cosim.settings.rogues import RogueSettings
 
+# m, of a car where nothing says otherwise (`vehicles.car` has them for all other rooms).
+CAR_LENGTH, CAR_WIDTH = 5.0, 2.0
+
 
 class NormalDistribution(Settings):
     """A normal distribution truncated at ± `truncation` standard deviations."""
@@ -64,6 +67,29 @@ class DriverSettings(Settings):
     safe_braking: MetresPerSecondSquared = Field(
         2.0, gt=0, description="MOBIL's, what a lane change may ask of the new follower"
     )
+
+
+class KindDrivers(Settings):
+    """What the drivers of a kind of vehicle are drawn from, where it is not what `drivers` says."""
+
+    desired_speed: Annotated[NormalDistribution | None, Unit("m/s")] = Field(None, description="IDM's v_0")
+    max_acceleration: Annotated[NormalDistribution | None, Unit("m/s²")] = Field(None, description="IDM's a")
+    comfortable_deceleration: Annotated[NormalDistribution | None, Unit("m/s²")] = Field(None, description="IDM's b")
+    time_headway: Annotated[NormalDistribution | None, Unit("s")] = Field(None, description="IDM's T")
+    minimum_gap: Annotated[NormalDistribution | None, Unit("m")] = Field(None, description="IDM's s_0")
+    exponent: Number | None = Field(None, gt=0, description="IDM's δ")
+    politeness: Number | None = Field(None, ge=0, le=1, description="MOBIL's p")
+    gain_threshold: MetresPerSecondSquared | None = Field(None, ge=0, description="MOBIL's")
+    safe_braking: MetresPerSecondSquared | None = Field(None, gt=0, description="MOBIL's")
+
+
+class VehicleSettings(Settings):
+    """A kind of vehicle among the drawn ones, such as trucks; the rest are cars of 5 x 2 m."""
+
+    share: float = Field(gt=0, le=1, description="of the drawn vehicles, and of those of streams")
+    length: Metres = Field(ge=1, le=18, description="of the body; 18 m is the longest that there are value tables for")
+    width: Metres = Field(ge=0.4, le=2.6, description="of the body")
+    drivers: KindDrivers = Field(KindDrivers(), description="in place of what the scenario's drivers are drawn from")
 
 
 class NetworkSettings(Settings):
@@ -120,6 +146,8 @@ class CarStart(Settings):
     x: Metres = Field(description="its centre ahead of the robot's; negative behind it")
     speed: MetresPerSecond = Field(ge=0, description="at the start")
     desired_speed: MetresPerSecond | None = Field(None, gt=0, description="drawn like any driver's when left out")
+    length: Metres = Field(CAR_LENGTH, ge=1, le=18, description="of its body")
+    width: Metres = Field(CAR_WIDTH, ge=0.4, le=2.6, description="of its body")
     rogue: str | None = Field(None, min_length=1, description="a behaviour as in rogues.behaviour; none when left out")
 
 
@@ -147,6 +175,7 @@ class Scenario(Settings):
     network: NetworkSettings = Field(NetworkSettings(), description="the road")
     traffic: TrafficSettings = Field(TrafficSettings(), description="the cars that are drawn")
     drivers: DriverSettings = Field(DriverSettings(), description="their drivers")
+    vehicles: tuple[VehicleSettings, ...] = Field((), description="kinds of vehicles beside cars, such as trucks")
     robot: RobotStart = Field(RobotStart(), description="where the robot starts")
     own: OwnSimulationSettings = Field(OwnSimulationSettings(), description="a user's own simulation to drive in")
     cars: tuple[CarStart, ...] = Field((), description="cars at given places, beside the drawn ones")
@@ -163,10 +192,31 @@ class Scenario(Settings):
         return self
 
     @model_validator(mode="after")
+    def _shares_leave_room(self) -> "Scenario":
+        total = sum(kind.share for kind in self.vehicles)
+        if total > 1.0 + 1e-9:
+            raise ValueError(f"the shares of vehicles add up to {total:g}; 1 is all there are, cars included")
+        if self.vehicles and self.own.is_given:
+            raise ValueError(
+                "vehicles are kinds of a scenario's own traffic, and a user's simulation (own.file) has its own vehicle"
+                " types; leave one of the two out"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _streams_have_a_route(self) -> "Scenario":
         if self.streams and self.network.route is None and self.network.from_edge is None:
             raise ValueError("streams need network.route, or from_edge and to_edge")
         return self
+
+    @property
+    def bodies(self) -> set[tuple[float, float]]:
+        """Length and width (m) of all that may be met, cars of the usual size aside."""
+        kinds, placed = (
+            ((each.length, each.width) for each in self.vehicles),
+            ((car.length, car.width) for car in self.cars),
+        )
+        return {*kinds, *placed}
 
     @property
     def is_hand_made(self) -> bool:

@@ -51,12 +51,18 @@ class DaskCluster:
             return
         with _connected(self.scheduler, self.timeout) as client:
             # Tables are tasks, not scattered data: when the workers that hold one die, Dask makes it again.
-            places = {job.table.path for job in jobs}
+            places = {kept.path for job in jobs for kept in (job.table, *job.larger)}
             tables = {path: client.submit(_content, path.read_bytes(), pure=False) for path in places}
             code = _code_of(jobs)
             waiting = {
                 client.submit(
-                    _drive_remotely, job, tables[job.table.path], code, function, pure=False, priority=-number
+                    _drive_remotely,
+                    job,
+                    [tables[kept.path] for kept in (job.table, *job.larger)],
+                    code,
+                    function,
+                    pure=False,
+                    priority=-number,
                 ): job
                 for number, job in enumerate(jobs)
             }
@@ -143,7 +149,9 @@ def _code_of(jobs: Sequence[EpisodeJob]) -> Code:
         raise WorkerError(f"cannot read {error.filename}, which is to be sent along: {error.strerror}") from error
 
 
-def _drive_remotely(job: EpisodeJob, table: TableContent, code: Code, function: EpisodeFunction) -> RunFiles | str:
+def _drive_remotely(
+    job: EpisodeJob, tables: Sequence[TableContent], code: Code, function: EpisodeFunction
+) -> RunFiles | str:
     """Drive an episode on a worker, and return its run folder's files, or one sentence on why it could not be."""
     copies: Mapping[Path, Path] = {}
     try:
@@ -151,7 +159,11 @@ def _drive_remotely(job: EpisodeJob, table: TableContent, code: Code, function: 
             folder = temporary / job.folder.name
             copies = _copies_of(code)
             read_code_from(copies)
-            function(replace(job, table=replace(job.table, path=_table_file(table)), folder=folder))
+            table, *larger = (
+                replace(kept, path=_table_file(content))
+                for kept, content in zip((job.table, *job.larger), tables, strict=True)
+            )
+            function(replace(job, table=table, larger=tuple(larger), folder=folder))
             return _pack(folder)
     except HjCosimError as error:
         sentence = str(error)

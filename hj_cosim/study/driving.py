@@ -4,15 +4,19 @@ from functools import cache
 from pathlib import Path
 
 from hj_cosim.cosim.episode import run_in_sumo, write_episode
-from hj_cosim.reachability.table.store import read_table
+from hj_cosim.reachability.games.contract import SizeClass
+from hj_cosim.reachability.table.sized import read_tables
+from hj_cosim.reachability.table.store import KeptTable
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import TableSpecification
 from hj_cosim.study.jobs import EpisodeJob
 
 
 @cache  # once a process
-def _load_table(path: Path, specification: str) -> ValueTable:
-    return read_table(path, TableSpecification.model_validate_json(specification))
+def _load_tables(kept: tuple[tuple[Path, str, SizeClass], ...]) -> ValueTable:
+    return read_tables(
+        [KeptTable(TableSpecification.model_validate_json(text), path, size) for path, text, size in kept]
+    )
 
 
 def drive_episode(job: EpisodeJob) -> None:
@@ -21,5 +25,6 @@ def drive_episode(job: EpisodeJob) -> None:
     Raises:
         HjCosimError: if the world cannot be built, SUMO fails, or the folder cannot be written.
     """
-    table = _load_table(job.table.path, job.table.specification.model_dump_json())
+    kept = (job.table, *job.larger)
+    table = _load_tables(tuple((one.path, one.specification.model_dump_json(), one.size) for one in kept))
     write_episode(run_in_sumo(job.config, table), job.folder, job.keep)

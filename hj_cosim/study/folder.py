@@ -19,7 +19,7 @@ figures/             trade-off.png, one for each scenario and value of a varied 
 """
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import rmtree
@@ -136,17 +136,19 @@ class StudyFolder:
         """A configuration for each value table that the study's episodes need, by its `table_key`."""
         return {table_key(cell.config): cell.config for cell in self.design.cells}
 
-    def remaining_jobs(self, tables: Mapping[str, KeptTable]) -> list[EpisodeJob]:
+    def remaining_jobs(self, tables: Mapping[str, Sequence[KeptTable]]) -> list[EpisodeJob]:
         """Return the episodes that are not there yet.
 
         Args:
-            tables: the solved value table of each `table_key` of the configurations.
+            tables: the solved value tables of each `table_key` of the configurations, that of cars first.
         """
-        return [
-            EpisodeJob(cell.config_of(seed), tables[table_key(cell.config)], folder, self.request.keep)
-            for cell, seed in self.design.episodes()
-            if not is_complete(folder := self.run_folder(cell, seed))
-        ]
+        jobs = []
+        for cell, seed in self.design.episodes():
+            folder = self.run_folder(cell, seed)
+            if not is_complete(folder):
+                table, *larger = tables[table_key(cell.config)]
+                jobs.append(EpisodeJob(cell.config_of(seed), table, folder, self.request.keep, tuple(larger)))
+        return jobs
 
     def is_finished(self) -> bool:
         """Return whether every episode is there, and all tables are of all of them."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from hj_cosim.reachability.table.size_classes import classes_met
 from hj_cosim.reachability.table.store import KeptTable
 from hj_cosim.recording.run_folder import Keep
 from hj_cosim.settings import EpisodeConfig
@@ -18,12 +19,14 @@ class EpisodeJob:
     table: KeptTable  # the solved value table, and what it was solved from
     folder: Path  # where the run folder appears when the episode is done
     keep: Keep = "all"
+    larger: tuple[KeptTable, ...] = ()  # those of larger size classes that are met, likewise
 
 
 def table_key(config: EpisodeConfig) -> str:
-    """Return what tells the value tables of a study apart: the table's name, and what is not the default robot's."""
+    """Return what tells the value tables of a study apart: the table's name, what is not the default robot's, sizes."""
     robot = config.robot.model_dump_json(exclude_defaults=True)
-    return config.table if robot == "{}" else f"{config.table} {robot}"
+    sizes = [size.name for size in classes_met(config.scenario.bodies)[1:]]
+    return " ".join([config.table, *([] if robot == "{}" else [robot]), *sizes])
 
 
 EpisodeFunction = Callable[[EpisodeJob], None]

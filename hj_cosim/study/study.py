@@ -16,7 +16,9 @@ import pandas as pd
 from hj_cosim import __version__
 from hj_cosim.errors import ConfigurationError, RunFolderError
 from hj_cosim.locations import given_path, runs_folder
-from hj_cosim.reachability.table.store import KeptTable, kept_table, load_table
+from hj_cosim.reachability.table.size_classes import classes_met
+from hj_cosim.reachability.table.sized import kept_tables, load_tables
+from hj_cosim.reachability.table.store import KeptTable
 from hj_cosim.recording.study_files import (
     CLAIMS_TABLE,
     COMPARISON,
@@ -171,12 +173,15 @@ def run_study(
     engine = _engine(workers, scheduler)
     folder = _study_folder(None if out is None else given_path(out, "out"), given, resume=resume)
     driven = folder.tables
-    kept = {key: kept_table(config.table, config.robot) for key, config in sorted(driven.items())}
+    kept = {
+        key: kept_tables(config.table, config.robot, classes_met(config.scenario.bodies))
+        for key, config in sorted(driven.items())
+    }
     folder.begin(_program(kept), resume=resume)
     if folder.is_finished():
         return read_study(folder.path)
     for config in driven.values():
-        load_table(config.table, solving, robot=config.robot)
+        load_tables(config.table, classes_met(config.scenario.bodies), solving, robot=config.robot)
     return conduct(folder, engine, function=drive_episode, tables=kept, progress=progress)
 
 
@@ -203,10 +208,10 @@ def _engine(workers: Any, scheduler: Any) -> Engine:
     return LocalWorkers(workers) if scheduler is None else DaskCluster(scheduler)
 
 
-def _program(tables: Mapping[str, KeptTable]) -> dict[str, str]:
+def _program(tables: Mapping[str, Sequence[KeptTable]]) -> dict[str, str]:
     """Return the version of everything that an episode depends on besides its configuration."""
     program = {"hj-cosim": __version__, "libsumo": version("libsumo")}
-    return program | {f"table {name}": table.identity for name, table in tables.items()}
+    return program | {f"table {name}": " ".join(one.identity for one in kept) for name, kept in tables.items()}
 
 
 def new_study_folder(design: StudyDesign) -> Path:
@@ -222,7 +227,7 @@ def conduct(
     engine: Engine,
     *,
     function: EpisodeFunction,
-    tables: Mapping[str, KeptTable],
+    tables: Mapping[str, Sequence[KeptTable]],
     progress: Progress | None = None,
 ) -> Study:
     """Drive what a study's folder lacks, and write its tables.
@@ -231,7 +236,7 @@ def conduct(
         folder: the study's, begun.
         engine: where the episodes are driven.
         function: how one is driven.
-        tables: the solved value table of each `table_key` of the configurations.
+        tables: the solved value tables of each `table_key` of the configurations, that of cars first.
         progress: called with the episodes done and the episodes in all.
 
     Raises:

@@ -17,6 +17,7 @@ class DrivingCars(NamedTuple):
     second_lane: np.ndarray  # (J,) int, the other lane that it is in while it changes, else its lane again
     length: np.ndarray  # (J,) m
     drivers: np.ndarray  # (J, 6) IDM parameters, in the order of vehicles.idm
+    mobil: np.ndarray  # (J, 3) MOBIL's parameters, in the order of vehicles.mobil
 
 
 @njit(cache=True)
@@ -35,16 +36,13 @@ def sort_nearly_sorted(order: np.ndarray, position: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def wanted_lanes(
-    order: np.ndarray, deciding: np.ndarray, cars: DrivingCars, mobil: np.ndarray, usable: np.ndarray
-) -> np.ndarray:
+def wanted_lanes(order: np.ndarray, deciding: np.ndarray, cars: DrivingCars, usable: np.ndarray) -> np.ndarray:
     """Return the lane that each car wants, (J,) int; the cars may be in any order.
 
     Args:
         order: (J,) int, the order of positions a step ago; brought up to date.
         deciding: (J,) bool, the cars whose turn it is.
         cars: all of them.
-        mobil: (3,) politeness, gain threshold, safe braking.
         usable: (J, 2) int, the first and the last lane that each may want.
     """
     sort_nearly_sorted(order, cars.position)
@@ -56,7 +54,7 @@ def wanted_lanes(
         cars.second_lane[order],
         cars.length[order],
         cars.drivers[order],
-        mobil,
+        cars.mobil[order],
         usable[order],
     )
     result = np.empty_like(cars.lane)

@@ -18,7 +18,8 @@ from hj_cosim.metrics.threats import collides
 from hj_cosim.planning.contract import ACTION_COUNT, FASTER, LEFT, RIGHT, SLOWER
 from hj_cosim.planning.optimistic.reward import reward_model, total_reward
 from hj_cosim.reachability.table.cars import car_values
-from hj_cosim.reachability.table.store import load_table
+from hj_cosim.reachability.table.size_classes import classes_met
+from hj_cosim.reachability.table.sized import load_tables
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Control, Observation, Target
 from hj_cosim.scene.road import Road
@@ -89,7 +90,12 @@ class HighwayEnv(gymnasium.Env[np.ndarray, Any]):
         self._make_filter: MakeFilter | None = None
         scenario = self.config.scenario
         has_rogues = scenario.rogues.share > 0.0 or any(car.rogue is not None for car in scenario.cars)
-        self._table = load_table(self.config.table, robot=self.config.robot) if has_rogues else None
+        self._table = self.load_tables() if has_rogues else None
+
+    def load_tables(self) -> ValueTable:
+        """Return the value table of the settings, with those of the larger size classes that the traffic has."""
+        config = self.config
+        return load_tables(config.table, classes_met(config.scenario.bodies), robot=config.robot)
 
     def filter_with(self, make_filter: MakeFilter, table: ValueTable) -> None:
         """Have a safety filter between every action and the robot from the next `reset` on; see SafetyFilterWrapper."""

@@ -8,7 +8,6 @@ import numpy as np
 from hj_cosim.control.catalogue import make_filter
 from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.errors import ConfigurationError
-from hj_cosim.reachability.table.store import load_table
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import EpisodeConfig
@@ -45,4 +44,4 @@ class SafetyFilterWrapper(gymnasium.Wrapper[np.ndarray, Any, np.ndarray, Any]):
             settings = config.filter.model_copy(update={"kind": kind})
             return make_filter(settings, config.robot, road, of_robot, config.simulation.step)
 
-        inner.filter_with(make, table or load_table(inner.config.table, robot=inner.config.robot))
+        inner.filter_with(make, table or inner.load_tables())

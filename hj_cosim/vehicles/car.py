@@ -2,8 +2,9 @@
 
 from numba import njit
 
-CAR_LENGTH = 5.0  # m
-CAR_WIDTH = 2.0  # m
+from hj_cosim.settings.scenario import CAR_LENGTH, CAR_WIDTH
+
+__all__ = ["CAR_LENGTH", "CAR_WIDTH", "to_nearest_part"]
 
 
 @njit(cache=True)

@@ -138,7 +138,8 @@ def lane_decisions(
     Args:
         deciding: (J,) bool, the cars whose turn it is.
         usable: (J, 2) int, the first and the last lane that each may want.
-        position, speed, lane, second_lane, length, drivers, mobil: as lane_change_incentive.
+        position, speed, lane, second_lane, length, drivers: as lane_change_incentive.
+        mobil: (J, 3) each driver's, likewise.
 
     Returns:
         (J,) int, the wanted lanes.
@@ -152,7 +153,7 @@ def lane_decisions(
         for target in (lane[car] + 1, lane[car] - 1):  # the left first: it wins a tie
             if target < usable[car, 0] or target > usable[car, 1]:
                 continue
-            incentive = lane_change_incentive(car, target, position, speed, lane, occupied, length, drivers, mobil)
+            incentive = lane_change_incentive(car, target, position, speed, lane, occupied, length, drivers, mobil[car])
             if incentive > best:
                 best = incentive
                 wanted[car] = target

@@ -4,7 +4,7 @@ from typing import Any
 
 from hj_cosim.control.contract import FilterDecision
 from hj_cosim.control.problem.nearest_control import RowsDecision
-from hj_cosim.reachability.table.lookup import TableArrays
+from hj_cosim.reachability.table.stack import TableStack
 from hj_cosim.scene.observation import Observation
 from hj_cosim.verification.promise import promise_kept
 
@@ -16,13 +16,13 @@ class PromiseAudit:
     """Counts the steps over which SPC promised that no V in K falls, and those over which none fell.
 
     Args:
-        table: V.
+        tables: V.
         promises: whether the filter promises anything about V at all: SPC does, RSS and none do not.
         tolerance: m/s.
     """
 
-    def __init__(self, table: TableArrays, *, promises: bool, tolerance: float = TOLERANCE) -> None:
-        self._table = table
+    def __init__(self, tables: TableStack, *, promises: bool, tolerance: float = TOLERANCE) -> None:
+        self._tables = tables
         self._promises = promises
         self._tolerance = tolerance
         self._promised = 0
@@ -37,7 +37,7 @@ class PromiseAudit:
         """
         if not self._promises or not isinstance(decision, RowsDecision):  # it braked, for want of a judgement
             return
-        kept = promise_kept(self._table, decision, before, after, self._tolerance)
+        kept = promise_kept(self._tables, decision, before, after, self._tolerance)
         if kept is not None:
             self._promised += 1
             self._kept += kept

@@ -24,6 +24,8 @@ from hj_cosim.analysis.figures.trade_off import trade_off
 from hj_cosim.analysis.figures.value_along_drive import value_along_drive
 from hj_cosim.analysis.figures.value_slice import value_slice
 from hj_cosim.errors import OutputError, RunFolderError, TableError
+from hj_cosim.reachability.table.size_classes import classes_met
+from hj_cosim.reachability.table.sized import load_tables
 from hj_cosim.reachability.table.store import find_specification, load_table
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.run_folder import CONFIG, Run, read_config, read_run
@@ -133,15 +135,17 @@ def table_of(run: Run) -> ValueTable:
     name = str(run.config["table"])
     path = find_specification(name)
     robot = validate(RobotSettings, run.config["robot"], f"{run.folder / CONFIG}: robot")
+    traffic = run.record.traffic
+    sizes = classes_met(set(zip(traffic.length.tolist(), traffic.width.tolist(), strict=True)))
     if path.suffix == ".npz":  # read, it runs nothing
-        return load_table(name, robot=robot)
+        return load_tables(name, sizes, robot=robot)
     dynamics = str(read_toml(path).get("dynamics", ""))
     if dynamics.endswith(".py"):
         raise TableError(
             f"{run.folder} was driven with {name}, whose game is the Python file {dynamics}, which is not run because a"
             " run's folder says so; load_table it in Python and give it to write_report or draw_figure"
         )
-    return load_table(name, robot=robot)
+    return load_tables(name, sizes, robot=robot)
 
 
 def scenario_densities(study: Path) -> dict[str, float]:

@@ -30,6 +30,7 @@ from hj_cosim.errors import TableError
 from hj_cosim.reachability.games.highway.manoeuvres import (
     Manoeuvres,
     Paths,
+    game_with,
     guaranteed,
     other_at,
     require_path,
@@ -37,7 +38,7 @@ from hj_cosim.reachability.games.highway.manoeuvres import (
 )
 from hj_cosim.reachability.games.highway.paths import Start, game_from, turning_max
 from hj_cosim.reachability.games.highway.target import target_at
-from hj_cosim.reachability.packing import packed
+from hj_cosim.reachability.table.size_classes import class_of, offsets_in_class
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import RobotSettings
 
@@ -61,13 +62,13 @@ def manoeuvres_for(table: ValueTable, robot: RobotSettings) -> Manoeuvres:
         raise TableError(
             f"no manoeuvres are known for the game {table.game.name}; set filter.keep_escape=false to drive without"
         )
-    manoeuvres: Manoeuvres = table.manoeuvres(
-        {
-            "omega_max": robot.omega_max,
-            "acceleration_min": robot.acceleration_min,
-            "acceleration_max": robot.acceleration_max,
-        }
-    )
+    limits = {
+        "omega_max": robot.omega_max,
+        "acceleration_min": robot.acceleration_min,
+        "acceleration_max": robot.acceleration_max,
+    }
+    own, *larger = (each.manoeuvres(limits) for each in table.by_size)
+    manoeuvres: Manoeuvres = own._replace(games=np.vstack([own.games, *(each.games for each in larger)]))
     return manoeuvres
 
 
@@ -100,28 +101,50 @@ def is_to_be_looked_at(extent: Extent, value: float, p_x: float, p_y: float, v_r
 
 
 @njit(cache=True)
+def _class_of(other: np.ndarray) -> int:
+    """Return the size class of a car, (3,) p_x, p_y, v, or (4,) with it."""
+    return int(other[3]) if len(other) > 3 else 0
+
+
+@njit(cache=True)
 def _escapes_from_one(manoeuvres: Manoeuvres, start: Start, paths: Paths, robot: np.ndarray, other: np.ndarray) -> bool:
-    """Return whether a manoeuvre keeps more than the reserve from one car by itself, (3,) p_x, p_y, v."""
-    reach = other_at(manoeuvres.game, other[2])
+    """Return whether a manoeuvre keeps more than the reserve from one car by itself, a row of `keep_escape`'s."""
+    count, kind = len(manoeuvres.heading), _class_of(other)
+    game = game_with(manoeuvres, kind)
+    reach = other_at(game, other[2])
     p_x, p_y = robot[0] - other[0], robot[1] - other[1]
-    for which in range(len(paths.instants)):
+    for which in range(kind * count, (kind + 1) * count):
         require_path(manoeuvres, which, start, paths)
         path = paths.rows[which, : paths.instants[which]]
-        if guaranteed(manoeuvres.game, path, 0, reach, p_x, p_y, RESERVE) > RESERVE:
+        if guaranteed(game, path, 0, reach, p_x, p_y, RESERVE) > RESERVE:
             return True
     return False
 
 
 @njit(cache=True)
 def _guaranteed_against_all(
-    manoeuvres: Manoeuvres, path: np.ndarray, first: int, robot: np.ndarray, others: np.ndarray, floor: float
+    manoeuvres: Manoeuvres,
+    manoeuvre: int,
+    start: Start,
+    paths: Paths,
+    first: int,
+    robot: np.ndarray,
+    others: np.ndarray,
+    floor: float,
 ) -> float:
-    """Return what a path guarantees against the worst of all cars, m; where it is not above `floor`, something less."""
+    """Return what a manoeuvre guarantees against the worst of all cars from an instant on, m.
+
+    Where it is not above `floor`, it is something less.
+    """
     least = math.inf
     for j in range(len(others)):
-        reach = other_at(manoeuvres.game, others[j, 2])
+        kind = _class_of(others[j])
+        game, which = game_with(manoeuvres, kind), kind * len(manoeuvres.heading) + manoeuvre
+        require_path(manoeuvres, which, start, paths)
+        path = paths.rows[which, : paths.instants[which]]
+        reach = other_at(game, others[j, 2])
         p_x, p_y = robot[0] - others[j, 0], robot[1] - others[j, 1]
-        least = min(least, guaranteed(manoeuvres.game, path, first, reach, p_x, p_y, floor))
+        least = min(least, guaranteed(game, path, first, reach, p_x, p_y, floor))
         if least <= floor:
             break
     return least
@@ -132,10 +155,8 @@ def _one_escapes_from_all(
     manoeuvres: Manoeuvres, start: Start, paths: Paths, robot: np.ndarray, others: np.ndarray, floor: float
 ) -> bool:
     """Return whether some manoeuvre guarantees more than `floor` against all of the cars at once."""
-    for which in range(len(paths.instants)):
-        require_path(manoeuvres, which, start, paths)
-        path = paths.rows[which, : paths.instants[which]]
-        if _guaranteed_against_all(manoeuvres, path, 0, robot, others, floor) > floor:
+    for which in range(len(manoeuvres.heading)):
+        if _guaranteed_against_all(manoeuvres, which, start, paths, 0, robot, others, floor) > floor:
             return True
     return False
 
@@ -145,18 +166,19 @@ def _is_in_target_set(manoeuvres: Manoeuvres, robot: np.ndarray, others: np.ndar
     """Return whether V(0, ·) <= 0 with any of the cars, from where no control keeps the reserve; quickly seen."""
     for j in range(len(others)):
         p_x, p_y = robot[0] - others[j, 0], robot[1] - others[j, 1]
-        if target_at(manoeuvres.game.target, p_x, p_y, robot[2], robot[3], others[j, 2]) <= 0.0:
+        target = game_with(manoeuvres, _class_of(others[j])).target
+        if target_at(target, p_x, p_y, robot[2], robot[3], others[j, 2]) <= 0.0:
             return True
     return False
 
 
 @njit(cache=True)
 def _follows_too_closely(manoeuvres: Manoeuvres, robot: np.ndarray, other: np.ndarray) -> bool:
-    """Return whether a car, (3,) p_x, p_y, v, is behind where it does not do its duty: no manoeuvre is bound by that.
+    """Return whether a car, a row of others, is behind where it does not do its duty: no manoeuvre is bound by that.
 
     To brake for it, as for who is ahead, would only bring it nearer.
     """
-    game = manoeuvres.game
+    game = game_with(manoeuvres, _class_of(other))
     p_x, p_y = robot[0] - other[0], robot[1] - other[1]
     if not (game.other.responsible and p_x > game.target.length):
         return False
@@ -186,15 +208,13 @@ def _best_manoeuvre(
     counts begins a step from now: what is lost already is lost in every manoeuvre, and would hide which is best.
     """
     best, most, paths = 0, -math.inf, room_for_paths(manoeuvres)
-    for turn in range(-1, len(paths.instants)):
+    for turn in range(-1, len(manoeuvres.heading)):
         which = driven if turn < 0 else turn
         if which < 0 or (turn >= 0 and turn == driven):
             continue
         omega, acceleration = _first_control(manoeuvres, which, robot[2], robot[3], step)
         start = Start(robot[2], robot[3], omega, acceleration, step)
-        require_path(manoeuvres, which, start, paths)
-        path = paths.rows[which, : paths.instants[which]]
-        least = _guaranteed_against_all(manoeuvres, path, 1, robot, others, most)
+        least = _guaranteed_against_all(manoeuvres, which, start, paths, 1, robot, others, most)
         if least > most:
             best, most = which, least
         if turn < 0 and most > 0.0:
@@ -218,7 +238,7 @@ def keep_escape(
     Args:
         manoeuvres: which there are.
         robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
-        others: (J, 3) p_x, p_y, v of the other cars, which go along the road.
+        others: (J, 3) p_x, p_y, v of the other cars, which go along the road, or (J, 4) with their size classes.
         in_k: (J,) bool, from which of them there has to be an escape at once; from the rest, from each by itself.
         omega, acceleration: the control asked for, rad/s and m/s².
         step: s, for which a control is held.
@@ -250,28 +270,31 @@ def keep_escape(
 _OF_EXTENT = len(Extent._fields)
 
 
-def packed_escape(table: ValueTable, manoeuvres: Manoeuvres, epsilon: float, step: float) -> np.ndarray:
-    """Return the numbers that `keep_escape_in_traffic` takes, quickly handed over: the extent, ε, the step, the game's.
+def packed_escape(table: ValueTable, epsilon: float, step: float) -> np.ndarray:
+    """Return the numbers that `keep_escape_in_traffic` takes, quickly handed over.
 
     Args:
         table: V.
-        manoeuvres: which there are.
         epsilon: ε, m.
         step: s, for which a control is held.
+
+    Returns:
+        (classes, n), a row per size class: its largest body, the extent of its table, ε, the step.
     """
-    return packed((Extent.of(table), epsilon, step, manoeuvres.game))
+    return np.array([(each.size.length, each.size.width, *Extent.of(each), epsilon, step) for each in table.by_size])
 
 
 # Twelve parameters: a NamedTuple of arrays costs a microsecond to hand over, at every step.
 @njit(cache=True)
 def keep_escape_in_traffic(
-    headings: np.ndarray,
-    accelerations: np.ndarray,
+    manoeuvres_of: tuple[np.ndarray, np.ndarray, np.ndarray],
     numbers: np.ndarray,
     robot: np.ndarray,
     x: np.ndarray,
     y: np.ndarray,
     speed: np.ndarray,
+    length: np.ndarray,
+    width: np.ndarray,
     values: np.ndarray,
     omega: float,
     acceleration: float,
@@ -280,21 +303,26 @@ def keep_escape_in_traffic(
     """Return what `keep_escape` does among all cars; those with V <= ε are in K.
 
     Args:
-        headings, accelerations: (M,) of the manoeuvres.
+        manoeuvres_of: (M,) headings and accelerations of the manoeuvres, and the numbers of their games.
         numbers: of `packed_escape`.
         robot: (4,) p_x, p_y (m), θ (rad), v (m/s).
-        x, y, speed, values: (J,) m, m, m/s and m, of the cars.
+        x, y, speed, length, width, values: (J,) of the cars; SI.
         omega, acceleration, driven: as `keep_escape` takes them.
     """
-    extent = Extent(*to_fixed_tuple(numbers, _OF_EXTENT))
-    epsilon, step = numbers[_OF_EXTENT], numbers[_OF_EXTENT + 1]
-    manoeuvres = Manoeuvres(headings, accelerations, game_from(numbers[_OF_EXTENT + 2 :]))
-    others, in_k = np.empty((len(x), 3)), np.empty(len(x), np.bool_)
+    headings, accelerations, games = manoeuvres_of
+    epsilon, step = numbers[0, 2 + _OF_EXTENT], numbers[0, 3 + _OF_EXTENT]
+    manoeuvres = Manoeuvres(headings, accelerations, game_from(games[0]), games)
+    others, in_k = np.empty((len(x), 4)), np.empty(len(x), np.bool_)
     count = 0
     for j in range(len(x)):
-        p_x, p_y = robot[0] - x[j], robot[1] - y[j]
+        kind = class_of(numbers, length[j], width[j])
+        p_x, p_y = offsets_in_class(numbers, kind, robot[0] - x[j], robot[1] - y[j], length[j], width[j])
+        extent = Extent(*to_fixed_tuple(numbers[kind, 2:], _OF_EXTENT))
         if is_to_be_looked_at(extent, values[j], p_x, p_y, robot[3], speed[j]):
-            others[count, 0], others[count, 1], others[count, 2] = x[j], y[j], speed[j]
+            # Where the part of its body is that counts; exactly its place where that is all of it.
+            others[count, 0] = x[j] + (robot[0] - x[j] - p_x)
+            others[count, 1] = y[j] + (robot[1] - y[j] - p_y)
+            others[count, 2], others[count, 3] = speed[j], kind
             in_k[count] = values[j] <= epsilon
             count += 1
     return keep_escape(manoeuvres, robot, others[:count], in_k[:count], omega, acceleration, step, driven)

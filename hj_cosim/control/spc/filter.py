@@ -55,7 +55,8 @@ class SafetyPreservingFilter:
         self._step = step
         self._table = table
         self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
-        self._escape_numbers = packed_escape(table, self._manoeuvres, settings.epsilon, step)
+        self._escape_numbers = packed_escape(table, settings.epsilon, step)
+        self._manoeuvre_arrays = (self._manoeuvres.heading, self._manoeuvres.acceleration, self._manoeuvres.games)
         self._driven = NO_MANOEUVRE
         self._limits = limits_of(robot)
         # What the bicycle turns in a step at a changing speed differs from ω step, by less than the largest of these.
@@ -75,7 +76,6 @@ class SafetyPreservingFilter:
 
     def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
         """Return the control nearest to the desired one under which no V in K falls; see SafetyFilter."""
-        observation = observation.as_cars  # what V is of
         available = self._available(observation.robot)
         rows: SafetyRows | None = NO_ROWS
         if values.least <= self._bound:
@@ -119,13 +119,14 @@ class SafetyPreservingFilter:
     ) -> tuple[float, float, int, int]:
         """Return what `keep_escape_in_traffic` does."""
         return keep_escape_in_traffic(
-            self._manoeuvres.heading,
-            self._manoeuvres.acceleration,
+            self._manoeuvre_arrays,
             self._escape_numbers,
             observation.robot,
             observation.x,
             observation.y,
             observation.speed,
+            observation.length,
+            observation.width,
             values.value,
             asked.omega,
             asked.acceleration,

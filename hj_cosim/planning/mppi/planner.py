@@ -60,7 +60,7 @@ class MppiPlanner:
         table: ValueTable,
     ) -> None:
         """Take what planners are handed; see PlannerInputs."""
-        self._settings, self._options, self._road, self._table = settings, options, road, table.arrays
+        self._settings, self._options, self._road, self._tables = settings, options, road, table.stack
         self._instants = max(round(options.horizon / options.step), 1)
         self._robot = RobotModel(
             robot.length, robot.width, robot.omega_max, robot.acceleration_min, robot.acceleration_max,
@@ -103,7 +103,7 @@ class MppiPlanner:
         )
         controls = self._drawn(state)
         worths, ends = np.empty(len(controls)), np.empty(len(controls), np.int64)
-        judge(state, controls, outlook, self._table, worths, ends)
+        judge(state, controls, outlook, self._tables, worths, ends)
         self._plan = self._mean(controls, worths, ends)
         drive(state, self._plan, path, self._robot, self._options.step)
         return self._answer(observation, path)

@@ -8,7 +8,9 @@ from numba import njit
 
 from hj_cosim.planning.mppi.others import Others
 from hj_cosim.planning.optimistic.reward import RewardModel, total_reward
-from hj_cosim.reachability.table.lookup import TableArrays, value_at
+from hj_cosim.reachability.table.lookup import value_at
+from hj_cosim.reachability.table.size_classes import class_of, offsets_in_class
+from hj_cosim.reachability.table.stack import TableStack, table_in
 
 # Cars are looked up in V ahead and behind, in the robot's own lane and those beside it: the nearest of each.
 _PLACES = 6
@@ -76,19 +78,20 @@ def drive(state: np.ndarray, controls: np.ndarray, path: np.ndarray, robot: Robo
 
 
 @njit(cache=True, error_model="numpy")
-def worth(path: np.ndarray, controls: np.ndarray, outlook: Outlook, table: TableArrays) -> float:
+def worth(path: np.ndarray, controls: np.ndarray, outlook: Outlook, tables: TableStack) -> float:
     """Return the sum of discounted rewards of a path, less what its controls cost; nothing comes after a crash.
 
     Args:
         path: (T + 1, 4) states.
         controls: (T, 2) ω, a that lead along it.
         outlook: the others, and what counts.
-        table: V, not looked up where the reward has no part of it.
+        tables: V, not looked up where the reward has no part of it.
     """
     robot, others, step = outlook.robot, outlook.others, outlook.step
     lowest = -0.5 * (robot.lane_width - robot.width)
     highest = (robot.lane_count - 1) * robot.lane_width - lowest
-    looks = outlook.reward.gamma_r < 1.0
+    looks, numbers = outlook.reward.gamma_r < 1.0, tables.numbers
+    table, tabled = table_in(tables.flat, numbers, 0), 0
     nearest = np.empty(_PLACES, np.int64)
     total, weight, before = 0.0, step, controls[0, 1]
     for instant in range(1, len(path)):
@@ -101,10 +104,14 @@ def worth(path: np.ndarray, controls: np.ndarray, outlook: Outlook, table: Table
             for place in range(_PLACES):
                 car = nearest[place]
                 if car != _NO_CAR:
-                    value = value_at(
-                        table, x - others.x[instant, car], y - others.y[instant, car], heading, speed,
-                        others.speed[instant, car],
-                    )  # fmt: skip
+                    length, width = others.length[car], others.width[car]
+                    kind = class_of(numbers, length, width)
+                    if kind != tabled:
+                        table, tabled = table_in(tables.flat, numbers, kind), kind
+                    p_x, p_y = offsets_in_class(
+                        numbers, kind, x - others.x[instant, car], y - others.y[instant, car], length, width
+                    )
+                    value = value_at(table, p_x, p_y, heading, speed, others.speed[instant, car])
                     least = min(least, value)
         omega, acceleration = controls[instant - 1]
         change = acceleration - before
@@ -147,7 +154,7 @@ def _find_nearest(x: float, y: float, others: Others, instant: int, lane_width: 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def judge(
-    state: np.ndarray, controls: np.ndarray, outlook: Outlook, table: TableArrays, worths: np.ndarray, ends: np.ndarray
+    state: np.ndarray, controls: np.ndarray, outlook: Outlook, tables: TableStack, worths: np.ndarray, ends: np.ndarray
 ) -> None:
     """Drive all samples, and write what each is worth, and the lane in which it ends.
 
@@ -155,7 +162,7 @@ def judge(
         state: (4,) of the robot now.
         controls: (K, T, 2) ω (rad/s) and a (m/s²) of each sample; held to what the robot can.
         outlook: what all have in common.
-        table: V.
+        tables: V.
         worths: (K,) to be written.
         ends: (K,) int, to be written.
     """
@@ -163,7 +170,7 @@ def judge(
     robot = outlook.robot
     for sample in range(len(controls)):
         drive(state, controls[sample], path, robot, outlook.step)
-        worths[sample] = worth(path, controls[sample], outlook, table)
+        worths[sample] = worth(path, controls[sample], outlook, tables)
         lane = math.floor(path[-1, 1] / robot.lane_width + 0.5)
         ends[sample] = min(max(lane, 0), robot.lane_count - 1)
 

@@ -57,7 +57,9 @@ def with_lane_ends(observation: Observation, road: Road, sensing_range: float) -
     if not near:
         return observation
     lane, x = np.array(list(near), np.int64), np.array(list(near.values())) + 0.5 * OBSTACLE_LENGTH
-    zero = np.zeros(len(x))
+    zero, expected = np.zeros(len(x)), observation.expected_driver
+    if expected is not None and len(expected) == 0:
+        expected = None
 
     def longer(name: str, added: np.ndarray) -> np.ndarray:
         return np.concatenate([getattr(observation, name), added])
@@ -74,4 +76,6 @@ def with_lane_ends(observation: Observation, road: Road, sensing_range: float) -
         target_lane=longer("target_lane", lane),
         length=longer("length", zero + OBSTACLE_LENGTH),
         width=longer("width", zero + road.lane_width - 1.0),  # it is in its own lane alone
+        # Nobody drives it.
+        expected_driver=None if expected is None else np.vstack([expected, np.tile(expected[:1], (len(x), 1))]),
     )

@@ -21,6 +21,7 @@ from hj_cosim.planning.optimistic.prediction import (
 )
 from hj_cosim.planning.optimistic.reward import reward_model
 from hj_cosim.planning.optimistic.tree_search import (
+    KIND,
     ROOT,
     ActionModel,
     Tree,
@@ -28,6 +29,7 @@ from hj_cosim.planning.optimistic.tree_search import (
     outermost_lanes,
     search,
 )
+from hj_cosim.reachability.table.size_classes import classes_of
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import NOBODY, Observation, Target
 from hj_cosim.scene.road import Road
@@ -89,7 +91,7 @@ class OptimisticPlanner:
         self._robot = robot
         self._drivers = drivers
         self._road = road
-        self._table = table.arrays
+        self._tables = table.stack
         self._weights = reward_model(settings, road)
         self._actions = ActionModel(
             settings.discount,
@@ -138,7 +140,7 @@ class OptimisticPlanner:
             self._prediction,
             self._actions,
             self._weights,
-            self._table,
+            self._tables,
             action_values,
         )
         path = _path_to(self._tree, best)
@@ -162,13 +164,14 @@ class OptimisticPlanner:
         self.plan(observation, Target(self._road.lane_at(lateral, along), speed))
 
     def _enter(self, observation: Observation) -> tuple[np.ndarray, np.ndarray]:
-        """Return the indices of the cars that enter the tree, and the bodies (J + 1, 2) of all, the robot's first."""
+        """Return the indices of the cars that enter the tree, and the bodies (J + 1, 3) of all, the robot's first."""
         cars = self._sensed(observation)
         if len(cars) + 1 != len(self._prediction.drivers):
             self._make_room(len(cars) + 1)
-        bodies = np.empty((len(cars) + 1, 2))
-        bodies[ROBOT] = self._robot.length, self._robot.width
+        bodies = np.zeros((len(cars) + 1, 3))
+        bodies[ROBOT, :KIND] = self._robot.length, self._robot.width
         bodies[1:, 0], bodies[1:, 1] = observation.length[cars], observation.width[cars]
+        bodies[1:, KIND] = classes_of(self._tables.numbers, observation.length[cars], observation.width[cars])
         return cars, bodies
 
     def _sensed(self, observation: Observation) -> np.ndarray:

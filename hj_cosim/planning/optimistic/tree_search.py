@@ -41,13 +41,15 @@ from hj_cosim.planning.optimistic.prediction import (
     sort_by_position,
 )
 from hj_cosim.planning.optimistic.reward import RewardModel, total_reward
-from hj_cosim.reachability.table.lookup import TableArrays, shift_of_grid, value_at
-from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH, to_nearest_part
+from hj_cosim.reachability.table.lookup import shift_of_grid, value_at
+from hj_cosim.reachability.table.size_classes import offsets_in_class
+from hj_cosim.reachability.table.stack import TableStack, table_in
 
 # Of each action, in the order of planning.contract.
 LANE_CHANGE = (0, 0, 0, 1, -1)
 SPEED_CHANGE = (0, 1, -1, 0, 0)  # in steps of the planned speed
 ROOT = 0
+KIND = 2  # the column of bodies that has their size classes
 
 # A lane is reached when the robot's centre is this near to its centre line, in lane widths.
 REACHED = 0.25
@@ -116,7 +118,7 @@ def search(
     prediction: PredictionModel,
     actions: ActionModel,
     weights: RewardModel,
-    table: TableArrays,
+    tables: TableStack,
     action_values: np.ndarray,
 ) -> tuple[int, int, int]:
     """Search from the root, which the caller has written into node 0, until the budget is spent.
@@ -124,8 +126,8 @@ def search(
     Args:
         tree: whose node 0 is the root; the rest is overwritten.
         scene: work space for M vehicles.
-        bodies: (M, 2) length and width of each vehicle by its number, m.
-        prediction, actions, weights, table: the models.
+        bodies: (M, 3) length and width of each vehicle by its number, m, and its size class among the tables (KIND).
+        prediction, actions, weights, tables: the models.
         action_values: (5,) gets the highest lower bound that follows each first action; −inf where there is none.
 
     Returns:
@@ -157,7 +159,7 @@ def search(
             worst = math.inf
             if weights.gamma_r < 1.0:
                 worst = worst_value(
-                    tree.state[count], tree.place[count], bodies, robot, child.heading, table, weights.value_clip
+                    tree.state[count], tree.place[count], bodies, robot, child.heading, tables, weights.value_clip
                 )
             child.value = nodes[node].value + weight * total_reward(speed, lane, crashed, worst, weights)
             child.first_action = action if node == ROOT else nodes[node].first_action
@@ -284,7 +286,7 @@ def worst_value(
     bodies: np.ndarray,
     robot: int,
     heading: float,
-    table: TableArrays,
+    tables: TableStack,
     clip: float,
 ) -> float:
     """Return min_j V at a node's relative states, m; +inf where no car is within the table's grid.
@@ -292,19 +294,27 @@ def worst_value(
     Stops at −clip: nothing below it changes the reward.
     """
     worst = math.inf
-    lower, inverse_spacing, shape = table.lower, table.inverse_spacing, table.deficit.shape
-    rear, right = lower[0], lower[1]
-    front, left = rear + (shape[0] - 1) / inverse_spacing[0], right + (shape[1] - 1) / inverse_spacing[1]
-    for car in range(state.shape[1]):
-        vehicle = place[VEHICLE, car]
-        p_x = to_nearest_part(float(state[POSITION, robot] - state[POSITION, car]), bodies[vehicle, 0], CAR_LENGTH)
-        p_y = to_nearest_part(float(state[LATERAL, robot] - state[LATERAL, car]), bodies[vehicle, 1], CAR_WIDTH)
-        # Most cars of a large scene are beyond the grid: they need not be looked up to be told so.
-        v_r, v_o = float(state[SPEED, robot]), float(state[SPEED, car])
-        if car == robot or not (right <= p_y <= left and rear <= p_x - shift_of_grid(table, v_r, v_o) <= front):
-            continue
-        value = value_at(table, p_x, p_y, heading, v_r, v_o)
-        worst = min(worst, value)
-        if worst <= -clip:
-            break
+    for kind in range(len(tables.numbers)):
+        table = table_in(tables.flat, tables.numbers, kind)
+        lower, upper = table.lower, table.upper
+        for car in range(state.shape[1]):
+            vehicle = place[VEHICLE, car]
+            if car == robot or bodies[vehicle, KIND] != kind:
+                continue
+            p_x, p_y = offsets_in_class(
+                tables.numbers,
+                kind,
+                float(state[POSITION, robot] - state[POSITION, car]),
+                float(state[LATERAL, robot] - state[LATERAL, car]),
+                bodies[vehicle, 0],
+                bodies[vehicle, 1],
+            )
+            # Most cars of a large scene are beyond the grid: they need not be looked up to be told so.
+            v_r, v_o = float(state[SPEED, robot]), float(state[SPEED, car])
+            if not (lower[1] <= p_y <= upper[1] and lower[0] <= p_x - shift_of_grid(table, v_r, v_o) <= upper[0]):
+                continue
+            value = value_at(table, p_x, p_y, heading, v_r, v_o)
+            worst = min(worst, value)
+            if worst <= -clip:
+                return worst
     return worst

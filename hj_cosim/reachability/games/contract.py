@@ -51,8 +51,8 @@ Outside = Literal["safe", "clamp"]
 StateFunction = Callable[..., None]
 # States (K, n) and gradients (K, n) to coefficients and c, (controls + 1, K).
 HalfPlanes = Callable[[np.ndarray, np.ndarray], np.ndarray]
-# A table's arrays, robot (4,), cars, V of all cars (J,) and a bound, to the cars with V up to it, (K,) int, and their
-# rows (4, K): V, both coefficients, c.
+# Robot (4,), cars, V of all cars (J,), its gradients (J, 5) and a bound, to the cars with V up to it, (K,) int, and
+# their rows (4, K): V, both coefficients, c.
 RowsOfCars = Callable[[np.ndarray, Cars, np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]]
 
 # The state of a game of the robot and one other car: positions robot − other along and across the road, m, the robot's
@@ -137,7 +137,8 @@ class Game:
     drawn_at: Mapping[str, float] = field(default_factory=dict)  # where pictures hold a state variable, not mid-grid
     shear: BrakingShear | None = None
     target_formula: "Callable[[Mapping[str, float]], TargetFormula] | None" = None
-    closed_rows: Callable[[Mapping[str, float]], RowsOfCars] | None = None  # of parameters; else from the flow
+    # Of parameters, and of those of larger size classes where `of_pair` makes any; else from the flow.
+    closed_rows: Callable[..., RowsOfCars] | None = None
     manoeuvres: ManoeuvreBounds | None = None
     of_pair: Callable[[TableSpecification, RobotSettings, SizeClass], TableSpecification] | None = None
     fingerprint: str = ""  # of the source, so that a table knows when its game changed

@@ -5,7 +5,9 @@ import math
 import numpy as np
 from numba import njit
 
-from hj_cosim.reachability.table.lookup import smooth_gradient_at, table_from, value_and_gradient_at
+from hj_cosim.reachability.table.lookup import smooth_gradient_at, value_and_gradient_at
+from hj_cosim.reachability.table.size_classes import class_of, classes_of, offsets_in_class
+from hj_cosim.reachability.table.stack import table_in
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import NOBODY, Cars, CarValues, Observation, is_possible
 
@@ -16,12 +18,12 @@ def car_values(table: ValueTable, observation: Observation) -> CarValues:
     """Return V and its gradient between the robot and each car of an observation.
 
     Args:
-        table: V over (p_x, p_y, θ_r, v_r, v_o).
-        observation: finite or not; where it is not, nor is any value. See Observation.as_cars for larger vehicles.
+        table: V over (p_x, p_y, θ_r, v_r, v_o), of each car that of its size class: see `stack`.
+        observation: finite or not; where it is not, nor is any value.
     """
-    observation = observation.as_cars
+    cars = observation.cars
     value, gradient, least, nearest = _car_values(
-        *table.packed, observation.robot, observation.x, observation.y, observation.heading, observation.speed
+        *table.stack, observation.robot, cars.x, cars.y, cars.heading, cars.speed, cars.length, cars.width
     )
     return CarValues(value, gradient, least, nearest)
 
@@ -31,9 +33,9 @@ def smooth_gradients(table: ValueTable, observation: Observation, values: CarVal
 
     Of cars with V up to SMOOTHED; of others, which no row is about, they are those of `values`.
     """
-    deficit, numbers = table.packed
-    seen = observation
-    return _smooth_gradients(deficit, numbers, seen.robot, seen.x, seen.y, seen.speed, values.value, values.gradient)
+    cars = observation.cars
+    place = (cars.x, cars.y, cars.speed, cars.length, cars.width)
+    return _smooth_gradients(*table.stack, observation.robot, *place, values.value, values.gradient)
 
 
 def rows_of_cars(
@@ -54,52 +56,72 @@ def rows_of_cars(
         return table.closed_rows(observation.robot, observation.cars, value, gradient, bound)
     cars = np.flatnonzero(value <= bound)
     states = pair_states(observation.robot, observation.cars, cars)
-    return cars, np.vstack([value[cars], table.half_planes(states, gradient[cars])])
+    if not table.larger:
+        return cars, np.vstack([value[cars], table.half_planes(states, gradient[cars])])
+    seen, numbers = observation.cars, table.stack.numbers
+    kinds = classes_of(numbers, seen.length[cars], seen.width[cars])
+    planes = np.empty((len(table.game.controls) + 1, len(cars)))
+    for kind, each in enumerate(table.by_size):
+        planes[:, kinds == kind] = each.half_planes(states[kinds == kind], gradient[cars[kinds == kind]])
+    return cars, np.vstack([value[cars], planes])
 
 
+# Nine parameters: a NamedTuple of arrays costs a microsecond to hand over, at every step.
 @njit(cache=True)
 def _car_values(
-    deficit: np.ndarray,
+    flat: np.ndarray,
     numbers: np.ndarray,
     robot: np.ndarray,
     x: np.ndarray,
     y: np.ndarray,
     heading: np.ndarray,
     speed: np.ndarray,
+    length: np.ndarray,
+    width: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, float, int]:
     """Return V (J,), its gradients (J, 5), the least V and its index; NaN, and NOBODY, where any is not a number.
 
-    One pass for all who want V or its gradient, with the table as `ValueTable.packed` has it.
+    One pass for all who want V or its gradient, with the tables as `stack` has them, class by class: a table is made
+    of its numbers once.
     """
-    table = table_from(deficit, numbers)
     value, gradient = np.full(len(x), np.nan), np.zeros((len(x), 5))
     if not is_possible(robot, x, y, heading, speed):
         return value, gradient, math.nan, NOBODY
     least, nearest, known = math.inf, NOBODY, True
-    for j in range(len(value)):
-        p_x, p_y = robot[0] - x[j], robot[1] - y[j]
-        value[j] = value_and_gradient_at(table, p_x, p_y, robot[2], robot[3], speed[j], gradient[j])
-        if value[j] < least:
-            least, nearest = value[j], j
-        known = known and value[j] > -math.inf
+    for kind in range(len(numbers)):
+        table = table_in(flat, numbers, kind)
+        for j in range(len(value)):
+            if class_of(numbers, length[j], width[j]) != kind:
+                continue
+            p_x, p_y = offsets_in_class(numbers, kind, robot[0] - x[j], robot[1] - y[j], length[j], width[j])
+            value[j] = value_and_gradient_at(table, p_x, p_y, robot[2], robot[3], speed[j], gradient[j])
+            if value[j] < least:
+                least, nearest = value[j], j
+            known = known and value[j] > -math.inf
     return (value, gradient, least, nearest) if known else (value, gradient, math.nan, NOBODY)
 
 
+# Ten parameters, likewise.
 @njit(cache=True)
 def _smooth_gradients(
-    deficit: np.ndarray,
+    flat: np.ndarray,
     numbers: np.ndarray,
     robot: np.ndarray,
     x: np.ndarray,
     y: np.ndarray,
     speed: np.ndarray,
+    length: np.ndarray,
+    width: np.ndarray,
     values: np.ndarray,
     gradients: np.ndarray,
 ) -> np.ndarray:
-    table, found = table_from(deficit, numbers), gradients.copy()
-    for j in range(len(values)):
-        if values[j] <= SMOOTHED:
-            smooth_gradient_at(table, robot[0] - x[j], robot[1] - y[j], robot[2], robot[3], speed[j], found[j])
+    found = gradients.copy()
+    for kind in range(len(numbers)):
+        table = table_in(flat, numbers, kind)
+        for j in range(len(values)):
+            if values[j] <= SMOOTHED and class_of(numbers, length[j], width[j]) == kind:
+                p_x, p_y = offsets_in_class(numbers, kind, robot[0] - x[j], robot[1] - y[j], length[j], width[j])
+                smooth_gradient_at(table, p_x, p_y, robot[2], robot[3], speed[j], found[j])
     return found
 
 

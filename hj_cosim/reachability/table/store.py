@@ -6,7 +6,7 @@ A specification is a TOML file, or the .npz of a solved table, which holds the s
 import hashlib
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -233,6 +233,7 @@ class KeptTable:
 
     specification: TableSpecification
     path: Path
+    size: SizeClass = CAR  # of the other cars
 
     @property
     def identity(self) -> str:
@@ -274,9 +275,9 @@ def kept_table(name_or_path: str, robot: RobotSettings | None = None, size: Size
         return KeptTable(named, kept)
     specification = for_pair(named, robot or RobotSettings(), size)
     if specification == named:
-        return KeptTable(named, kept)
+        return KeptTable(named, kept, size)
     identity = specification_hash(specification, find_game(specification.dynamics))[:_HASH_IN_NAME]
-    return KeptTable(specification, kept.with_name(f"{kept.stem}-{identity}.npz"))
+    return KeptTable(specification, kept.with_name(f"{kept.stem}-{identity}.npz"), size)
 
 
 def solve_table(specification: TableSpecification | str, progress: Progress | None = None) -> ValueTable:
@@ -331,7 +332,7 @@ def load_table(
     wanted = kept_table(name_or_path, robot, size)
     is_a_solved_one = Path(name_or_path).expanduser() == wanted.path  # its file is all that there is: nothing to solve
     if is_a_solved_one or wanted.is_solved:
-        return read_table(wanted.path, wanted.specification)
+        return replace(read_table(wanted.path, wanted.specification), size=size)
     if announce is not None:
         reason = (
             ""
@@ -339,6 +340,6 @@ def load_table(
             else (f" for this robot and cars up to {size.length:g} m x {size.width:g} m")
         )
         announce(f"solving a value table{reason}; it is kept as {wanted.path}")
-    table = solve_table(wanted.specification, progress)
+    table = replace(solve_table(wanted.specification, progress), size=size)
     save_table(table, wanted.path)
     return table

@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 
 from hj_cosim.errors import StateError, TableError
-from hj_cosim.reachability.games.contract import TWO_CARS, Game, HalfPlanes, RowsOfCars
+from hj_cosim.reachability.games.contract import TWO_CARS, Game, HalfPlanes, RowsOfCars, SizeClass
 from hj_cosim.reachability.games.highway.target import TargetFormula
 from hj_cosim.reachability.grid import Grid
-from hj_cosim.reachability.packing import packed
 from hj_cosim.reachability.solver.solver import SolveReport, state_limits
 from hj_cosim.reachability.table.deficits import deficits
 from hj_cosim.reachability.table.interpolation import interpolate
 from hj_cosim.reachability.table.lookup import TableArrays, values_and_gradients
+from hj_cosim.reachability.table.size_classes import CAR
+from hj_cosim.reachability.table.stack import TableStack, stacked
 from hj_cosim.reachability.table.states import state_rows
 from hj_cosim.settings import TableSpecification
 
@@ -34,6 +35,9 @@ class ValueTable:
     game: Game
     values: np.ndarray  # float32, C order, axes in the order of the state, the margin subtracted
     report: SolveReport
+    size: SizeClass = CAR  # the largest other cars that it is for
+    # Of the same game and robot, for larger other cars, as far as any are met: `store.with_larger` adds them.
+    larger: tuple["ValueTable", ...] = ()
 
     @cached_property
     def grid(self) -> Grid:
@@ -76,10 +80,19 @@ class ValueTable:
             game.target_formula is not None,
         )
 
+    @property
+    def by_size(self) -> tuple["ValueTable", ...]:
+        """The table itself, and those of larger other cars, the smallest first."""
+        return (self, *self.larger)
+
     @cached_property
-    def packed(self) -> tuple[np.ndarray, np.ndarray]:
-        """What `lookup.table_from` makes `arrays` of again: W and the numbers; quickly handed to a kernel."""
-        return self.arrays.deficit, packed(self.arrays)
+    def stack(self) -> TableStack:
+        """The tables by size class as jitted look-ups take them, each car's being that of its class.
+
+        Raises:
+            TableError: if it is not a table of a game of two cars.
+        """
+        return stacked([((table.size.length, table.size.width), table.arrays) for table in self.by_size])
 
     def manoeuvres(self, robot: Mapping[str, float] | None = None) -> Any:
         """Return the manoeuvres of the table's game, which judge states without its grid, as its kernels take them.
@@ -165,7 +178,11 @@ class ValueTable:
     @cached_property
     def closed_rows(self) -> RowsOfCars | None:
         """The game's own way to the rows of all cars, if it has one; `cars.rows_of_cars` takes it."""
-        return None if self.game.closed_rows is None else self.game.closed_rows(self.parameters)
+        if self.game.closed_rows is None:
+            return None
+        if not self.larger:
+            return self.game.closed_rows(self.parameters)
+        return self.game.closed_rows(self.parameters, [(table.size, table.parameters) for table in self.larger])
 
     def target_values(self, states: np.ndarray) -> np.ndarray:
         """Return V(0, ·), (N,), the formula itself, at `states` (N, n)."""

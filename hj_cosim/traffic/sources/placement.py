@@ -9,8 +9,9 @@ import numpy as np
 
 from hj_cosim.errors import ScenarioError
 from hj_cosim.scene.road import Road
-from hj_cosim.settings import NormalDistribution, RobotSettings, Scenario, TrafficSettings
+from hj_cosim.settings import RobotSettings, Scenario, TrafficSettings
 from hj_cosim.traffic.settling import robot_driver
+from hj_cosim.traffic.sources.kinds import CARS, draw_kinds, draw_people, kinds_of, mean_length
 from hj_cosim.vehicles.car import CAR_LENGTH
 from hj_cosim.vehicles.idm import (
     DESIRED_SPEED,
@@ -18,7 +19,6 @@ from hj_cosim.vehicles.idm import (
     equilibrium_speed,
     idm_acceleration,
     mean_driver,
-    parameter_settings,
 )
 
 # What is left free behind the last car and the robot, so that nobody's rear sticks out of the road (m).
@@ -35,6 +35,9 @@ class InitialTraffic:
     lane: np.ndarray  # (J,) int
     speed: np.ndarray  # (J,) m/s
     drivers: np.ndarray  # (J, 6) IDM parameters in the order of vehicles.idm
+    mobil: np.ndarray  # (J, 3) MOBIL's parameters in the order of vehicles.mobil
+    length: np.ndarray  # (J,) m
+    width: np.ndarray  # (J,) m
     robot: np.ndarray  # (4,) p_x, p_y, θ, v
 
 
@@ -53,7 +56,7 @@ def density(traffic: TrafficSettings, lane_count: int) -> float:
 
 def stream_speed(scenario: Scenario, lane_count: int) -> float:
     """Return the speed (m/s) that a mean driver keeps when every lane holds the scenario's density evenly."""
-    gap = mean_spacing(scenario.traffic, lane_count) * lane_count - CAR_LENGTH
+    gap = mean_spacing(scenario.traffic, lane_count) * lane_count - mean_length(scenario)
     return equilibrium_speed(gap, mean_driver(scenario.drivers)) if gap > 0.0 else 0.0
 
 
@@ -78,9 +81,13 @@ def initial_traffic(scenario: Scenario, road: Road, robot: RobotSettings, seed: 
             f" {road.lane_count - 1}"
         )
     scenario = filled(scenario, road)
-    x, lane = _places(scenario, road, places)
-    drawn = len(x)
-    drivers = draw_drivers(scenario, drawn + len(scenario.cars), people)
+    kinds = kinds_of(scenario)
+    drawn = scenario.traffic.count + scenario.traffic.count_behind
+    kind = np.append(draw_kinds(kinds, drawn, np.random.default_rng([seed, 5])), np.full(len(scenario.cars), CARS))
+    length, width = (np.array([getattr(kinds[each], name) for each in kind]) for name in ("length", "width"))
+    length[drawn:], width[drawn:] = [car.length for car in scenario.cars], [car.width for car in scenario.cars]
+    x, lane = _places(scenario, road, length[:drawn], places)
+    drivers = draw_people(kinds, kind, people)
     wanted = places.uniform(scenario.traffic.speed_low, scenario.traffic.speed_high, drawn)
     _slow_the_foremost(x, lane, drivers, stream_speed(scenario, road.lane_count))
     for number, car in enumerate(scenario.cars, start=drawn):
@@ -89,19 +96,20 @@ def initial_traffic(scenario: Scenario, road: Road, robot: RobotSettings, seed: 
     lane = np.append(lane, [car.lane for car in scenario.cars]).astype(np.int64)
     wanted = np.append(wanted, [car.speed for car in scenario.cars])
     start = REAR_MARGIN + max(0.0, -x.min(initial=0.0)) if road.is_straight else _start_on_route(scenario, road)
-    _check_room(scenario, road, robot, x, lane, start)
+    _check_room(scenario, road, robot, length, x, lane, start)
 
     everyone = np.vstack([drivers, robot_driver(scenario.drivers, scenario.robot.speed)])
     speed = _start_speeds(
         np.append(x, 0.0),
         np.append(lane, scenario.robot.lane),
         np.append(wanted, scenario.robot.speed),
-        np.append(np.full(len(x), CAR_LENGTH), robot.length),
+        np.append(length, robot.length),
         everyone,
         given=np.append(np.arange(len(x)) >= drawn, scenario.is_hand_made),
     )
     robot_state = np.array([start, road.lane_centre(scenario.robot.lane, start), 0.0, speed[-1]])
-    return InitialTraffic(x + start, lane, speed[:-1], drivers, robot_state)
+    mobil = np.array([kinds[each].mobil for each in kind]).reshape(-1, 3)
+    return InitialTraffic(x + start, lane, speed[:-1], drivers, mobil, length, width, robot_state)
 
 
 def filled(scenario: Scenario, road: Road) -> Scenario:
@@ -120,26 +128,10 @@ def _start_on_route(scenario: Scenario, road: Road) -> float:
     return REAR_MARGIN + max(drawn, -min((car.x for car in scenario.cars), default=0.0))
 
 
-def draw_drivers(scenario: Scenario, count: int, random: np.random.Generator) -> np.ndarray:
-    """Return the IDM parameters of `count` drivers, (count, 6) in the order of vehicles.idm."""
-    return np.column_stack(
-        [
-            truncated_normal(each, count, random) if isinstance(each, NormalDistribution) else np.full(count, each)
-            for each in parameter_settings(scenario.drivers)
-        ]
-    )
-
-
-def truncated_normal(distribution: NormalDistribution, count: int, random: np.random.Generator) -> np.ndarray:
-    """Return `count` draws (count,); those beyond the truncation are drawn again."""
-    deviations = random.standard_normal(count)
-    while (outside := np.abs(deviations) > distribution.truncation).any():
-        deviations[outside] = random.standard_normal(int(outside.sum()))
-    return distribution.mean + distribution.deviation * deviations
-
-
-def _places(scenario: Scenario, road: Road, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Return x relative to the robot (m) and the lane of every drawn car: those ahead, then those behind."""
+def _places(
+    scenario: Scenario, road: Road, length: np.ndarray, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return x relative to the robot (m) and the lane of every drawn car, of a length (m): ahead, then behind."""
     traffic, lane_count = scenario.traffic, road.lane_count
     start = 0.0 if road.is_straight else _start_on_route(scenario, road)
     spacing = mean_spacing(traffic, lane_count)
@@ -149,13 +141,16 @@ def _places(scenario: Scenario, road: Road, random: np.random.Generator) -> tupl
     # decide how the episode begins.
     nearest[scenario.robot.lane] = max(spacing * lane_count - least, 0.0)
     spacings = (spacing, traffic.spacing_jitter, least)
-    ahead = _one_direction(traffic.count, spacings, nearest, lambda x: _lanes_that_last(road, start + x), random)
+    over = 0.5 * (length - CAR_LENGTH)
+    ahead = _one_direction(
+        over[: traffic.count], spacings, nearest, lambda x: _lanes_that_last(road, start + x), random
+    )
     nearest = np.full(lane_count, math.inf)
-    for x, lane in zip(*ahead, strict=True):
-        nearest[lane] = min(nearest[lane], x)
+    for x, lane, longer in zip(*ahead, over, strict=False):
+        nearest[lane] = min(nearest[lane], x - longer)
     nearest[scenario.robot.lane] = 0.0
     behind = _one_direction(
-        traffic.count_behind, spacings, -nearest, lambda x: _lanes_that_last(road, start - x), random
+        over[traffic.count :], spacings, -nearest, lambda x: _lanes_that_last(road, start - x), random
     )
     return np.concatenate([ahead[0], -behind[0]]), np.concatenate([ahead[1], behind[1]])
 
@@ -169,7 +164,7 @@ def _lanes_that_last(road: Road, along: float) -> np.ndarray:
 
 
 def _one_direction(
-    count: int,
+    over: np.ndarray,
     spacings: tuple[float, float, float],
     nearest: np.ndarray,
     lanes_at: Callable[[float], np.ndarray],
@@ -178,21 +173,22 @@ def _one_direction(
     """Return distances (m) from the robot, growing, and lanes.
 
     Args:
-        count: of cars.
+        over: (count,) by how much half of each is longer than half of a car, m.
         spacings: the mean, its share that varies, and the least in a lane, m.
         nearest: (lanes,) who stands there already, m.
         lanes_at: which lanes (lanes,) bool a car may stand in at a distance.
         random: draws.
     """
     spacing, jitter, least = spacings
+    count = len(over)
     distances = np.cumsum(spacing * random.uniform(1.0 - jitter, 1.0 + jitter, count))
     lanes = np.empty(count, dtype=np.int64)
     last = nearest.copy()
     for car, distance in enumerate(distances):
-        room = np.where(lanes_at(distance), distance - last, -math.inf)
+        room = np.where(lanes_at(distance), distance - over[car] - last, -math.inf)
         open_lanes = np.flatnonzero(room >= least)
         lanes[car] = random.choice(open_lanes) if len(open_lanes) else np.argmax(room)
-        last[lanes[car]] = distance
+        last[lanes[car]] = distance + over[car]
     return distances, lanes
 
 
@@ -246,7 +242,13 @@ def _speed_without_braking(gap: float, lead_speed: float, driver: np.ndarray) ->
 
 
 def _check_room(
-    scenario: Scenario, road: Road, robot: RobotSettings, x: np.ndarray, lane: np.ndarray, start: float
+    scenario: Scenario,
+    road: Road,
+    robot: RobotSettings,
+    length: np.ndarray,
+    x: np.ndarray,
+    lane: np.ndarray,
+    start: float,
 ) -> None:
     """Refuse cars that overlap, stand closer than their minimum gap, or stand beside the road."""
     if len(lane) and lane.max() >= road.lane_count:
@@ -262,7 +264,7 @@ def _check_room(
             " long; take fewer cars, a higher density or a longer road"
         )
     centres, lanes = np.append(x, 0.0), np.append(lane, scenario.robot.lane)
-    lengths = np.append(np.full(len(x), CAR_LENGTH), robot.length)
+    lengths = np.append(length, robot.length)
     minimum_gap = mean_driver(scenario.drivers)[MINIMUM_GAP]
     order = np.lexsort((centres, lanes))
     for rear, front in itertools.pairwise(order):
@@ -282,7 +284,7 @@ def _check_room(
 
 def _too_dense(scenario: Scenario, road: Road) -> str:
     here = density(scenario.traffic, road.lane_count)
-    most = 1000.0 / (CAR_LENGTH + scenario.drivers.minimum_gap.mean)
+    most = 1000.0 / (mean_length(scenario) + scenario.drivers.minimum_gap.mean)
     return (
         f"scenario {scenario.name}: {here:.0f} cars per km and lane do not fit (standing still, {most:.0f} do);"
         " lower traffic.density or raise traffic.spacing_factor"

@@ -4,7 +4,7 @@ IDM is SUMO's, MOBIL ours. A car between two lanes is read completely; of the ot
 """
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from hj_cosim.scene.observation import Observation
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import RobotSettings
 from hj_cosim.traffic.lane_changes import DrivingCars, wanted_lanes
+from hj_cosim.traffic.sources.kinds import Kind, expected_drivers
 from hj_cosim.traffic.sources.placement import InitialTraffic
 from hj_cosim.traffic.sumo.between_steps import BetweenSteps, Motion
 from hj_cosim.traffic.sumo.fleet_rows import FleetArrays
@@ -20,7 +21,6 @@ from hj_cosim.traffic.sumo.places import EdgePlaces, Places, RoutePlaces, neares
 from hj_cosim.traffic.sumo.puppet import Placement
 from hj_cosim.traffic.sumo.session import libsumo
 from hj_cosim.traffic.sumo_lanes import SumoLanes
-from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
 from hj_cosim.vehicles.idm import PARAMETER_NAMES
 
 # setLaneChangeMode has two bits a reason (strategic, cooperative, speed gain, keep right), all 0 here, and then how
@@ -55,6 +55,7 @@ class Fleet:
         road: Road,
         lanes: SumoLanes | None = None,
         *,
+        kinds: Sequence[Kind] = (),
         is_seen_between_steps: bool = False,
     ) -> None:
         """Take over cars that SUMO has inserted.
@@ -66,8 +67,10 @@ class Fleet:
             robot_driver: (6,) what the others' MOBIL takes the robot to be.
             road: the road.
             lanes: what SUMO calls its lanes, if it is a route.
+            kinds: of vehicles, by which drivers are told from one another; all are cars unless given.
             is_seen_between_steps: whether the cars are observed between two steps too; SUMO has to be ballistic then.
         """
+        self._kinds = kinds
         self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(road, lanes)
         self._lanes_end = lanes is not None and lanes.differ
         self._is_seen_between_steps = is_seen_between_steps
@@ -92,9 +95,10 @@ class Fleet:
                 lane=lane,
                 target_lane=lane.copy(),
                 second_lane=lane.copy(),
-                length=np.append(np.full(count, CAR_LENGTH), robot.length),
-                width=np.append(np.full(count, CAR_WIDTH), robot.width),
+                length=np.append(initial.length, robot.length),
+                width=np.append(initial.width, robot.width),
                 driver=np.vstack([initial.drivers, robot_driver]),
+                mobil=np.vstack([initial.mobil, np.zeros(3)]),
             )
         )
         self._changing: list[int] = []  # rows of ours that were told to change lanes and are not done
@@ -111,6 +115,7 @@ class Fleet:
     def _set_rows(self, rows: FleetArrays) -> None:
         self._rows = rows
         self._front_offset = 0.5 * rows.length  # SUMO's positions are of front bumpers
+        self._expected = expected_drivers(self._kinds, rows.length, rows.width)
 
     @property
     def drivers(self) -> np.ndarray:
@@ -145,25 +150,25 @@ class Fleet:
             target_lane=rows.target_lane[cars].copy(),
             length=rows.length[cars],
             width=rows.width[cars],
+            expected_driver=None if self._expected is None else self._expected[cars],
         )
 
-    def request_lane_changes(self, turn: int, mobil: np.ndarray, step: float) -> None:
+    def request_lane_changes(self, turn: int, step: float) -> None:
         """Let those decide whose turn it is, and ask SUMO for the changes that they want.
 
         Args:
             turn: counts up, once for every tenth of the decision period.
-            mobil: (3,) MOBIL's parameters.
             step: s; a request that SUMO finds unsafe in this one step is dropped, not kept.
         """
         rows = self._rows
         deciding = rows.turn == turn % DECISION_TURNS
         deciding[self._changing] = False
-        cars = DrivingCars(rows.x, rows.speed, rows.lane, rows.second_lane, rows.length, rows.driver)
+        cars = DrivingCars(rows.x, rows.speed, rows.lane, rows.second_lane, rows.length, rows.driver, rows.mobil)
         usable = self._road.lasting_lanes(rows.x, LASTING)
         if self._lanes_end:
             is_ending = (rows.lane < usable[:, 0]) | (rows.lane > usable[:, 1])
             self._ending = np.flatnonzero(is_ending & (rows.turn != NEVER_ITS_TURN)).tolist()
-        wanted = wanted_lanes(self._order, deciding, cars, mobil, usable)
+        wanted = wanted_lanes(self._order, deciding, cars, usable)
         for car in np.flatnonzero(wanted != rows.lane):
             index = self._places.index(self._names[car], int(wanted[car]))
             if index is None:
@@ -320,7 +325,8 @@ class Fleet:
         }
         one |= {"lane": lane, "target_lane": lane, "second_lane": lane, "y": self._places.centre(name, lane, x)}
         columns = {key: np.array([value]) for key, value in one.items()}
-        self._set_rows(rows.with_car(FleetArrays(driver=estimated_driver(name)[np.newaxis], **columns)))
+        columns |= {"driver": estimated_driver(name)[np.newaxis], "mobil": np.zeros((1, 3))}
+        self._set_rows(rows.with_car(FleetArrays(**columns)))
         self._not_ours.append(len(self._names))
         self._names.append(name)
         robot = len(self._names)  # its row has moved down by one

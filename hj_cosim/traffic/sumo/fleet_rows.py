@@ -24,6 +24,7 @@ class FleetArrays(NamedTuple):
     length: np.ndarray  # (J + 1,) m
     width: np.ndarray  # (J + 1,) m
     driver: np.ndarray  # (J + 1, 6) IDM parameters; an estimate where the car is not ours
+    mobil: np.ndarray  # (J + 1, 3) MOBIL's parameters; they mean nothing where the car decides elsewhere
 
     def only(self, stays: np.ndarray) -> "FleetArrays":
         """Return the rows of a mask (J + 1,)."""

@@ -9,7 +9,6 @@ import numpy as np
 
 from hj_cosim.traffic.sources.placement import InitialTraffic
 from hj_cosim.traffic.sources.streams import Stream
-from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
 from hj_cosim.vehicles.idm import (
     COMFORTABLE_DECELERATION,
     DESIRED_SPEED,
@@ -94,12 +93,13 @@ def write_routes(
         departure: from the road's lane and s (m) of a front bumper to SUMO's; of a road that is one edge if left out.
     """
     lines = ["<routes>", f'<route id="{ROUTE}" edges={quoteattr(edges)}/>']
-    for name, driver in zip(names, traffic.drivers, strict=True):
-        lines.append(vehicle_type(name, driver, driver[DESIRED_SPEED], CAR_LENGTH, CAR_WIDTH))
+    bodies = list(zip(traffic.length.tolist(), traffic.width.tolist(), strict=True))
+    for name, driver, body in zip(names, traffic.drivers, bodies, strict=True):
+        lines.append(vehicle_type(name, driver, driver[DESIRED_SPEED], *body))
     # The robot's speed is not SUMO's to limit.
     lines.append(vehicle_type(robot.name, robot.driver, 1000.0, robot.length, robot.width))
-    for name, x, lane, speed in zip(names, traffic.x, traffic.lane, traffic.speed, strict=True):
-        lines.append(_vehicle(name, departure(lane, x + 0.5 * CAR_LENGTH), speed))
+    for name, x, lane, speed, body in zip(names, traffic.x, traffic.lane, traffic.speed, bodies, strict=True):
+        lines.append(_vehicle(name, departure(lane, x + 0.5 * body[0]), speed))
     lines.append(_vehicle(robot.name, departure(robot.lane, traffic.robot[0] + 0.5 * robot.length), traffic.robot[3]))
     for stream in streams:
         lines += _stream(stream)
@@ -110,8 +110,8 @@ def write_routes(
 def _stream(stream: Stream) -> list[str]:
     """Return the elements of a stream: its drivers, and the cars that they drive."""
     types = [
-        "    " + vehicle_type(f"{stream.name}_driver_{number}", driver, driver[DESIRED_SPEED], CAR_LENGTH, CAR_WIDTH)
-        for number, driver in enumerate(stream.drivers)
+        "    " + vehicle_type(f"{stream.name}_driver_{number}", driver, driver[DESIRED_SPEED], *body)
+        for number, (driver, body) in enumerate(zip(stream.drivers, stream.bodies.tolist(), strict=True))
     ]
     return [
         f'<vTypeDistribution id="{stream.name}_drivers">',

@@ -5,9 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from hj_cosim.settings import DriverSettings, NormalDistribution
+from hj_cosim.traffic.sumo.puppet import ROBOT
 from hj_cosim.traffic.sumo.session import libsumo
 from hj_cosim.vehicles.idm import PARAMETER_NAMES
 
+BUILT_IN = "DEFAULT_"  # how SUMO's own types begin, which are there whether anybody has them or not
 USUAL_EXPONENT = 4.0  # IDM's, which SUMO has no getter for
 LEAST = 0.1  # of any parameter: IDM divides by some
 
@@ -37,3 +39,14 @@ def typical_driver(names: Sequence[str], otherwise: DriverSettings) -> DriverSet
     exponent = known.pop("exponent")
     certain = {name: NormalDistribution(mean=value, deviation=0.0) for name, value in known.items()}
     return otherwise.model_copy(update={**certain, "exponent": exponent})
+
+
+def known_bodies() -> set[tuple[float, float]]:
+    """Return length and width (m) of all types that a simulation knows by now, and of the vehicles in it.
+
+    SUMO's own types count where a vehicle has one; the robot's is nobody else's.
+    """
+    kind, vehicle = libsumo.vehicletype, libsumo.vehicle
+    own = {name for name in kind.getIDList() if not name.startswith(BUILT_IN)}
+    names = (own | {vehicle.getTypeID(name) for name in vehicle.getIDList()}) - {ROBOT}
+    return {(float(kind.getLength(name)), float(kind.getWidth(name))) for name in names}

@@ -18,7 +18,7 @@ from hj_cosim.traffic.road_end import RoadEnd
 from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.own_configuration import OwnConfiguration, copy_configuration
 from hj_cosim.traffic.sumo.clocks import TwoClocks
-from hj_cosim.traffic.sumo.known_drivers import typical_driver
+from hj_cosim.traffic.sumo.known_drivers import known_bodies, typical_driver
 from hj_cosim.traffic.sumo.puppet import GHOST, ROBOT, placement, without_ghost
 from hj_cosim.traffic.sumo.route_puppet import RoutePuppet
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo, log
@@ -123,6 +123,11 @@ class OwnWorld:
         libsumo.vehicle.moveTo(ROBOT, taken.lane, taken.position)
         libsumo.vehicle.setPreviousSpeed(ROBOT, taken.speed)
         return np.array([along, self.road.lane_centre(place.number, along), 0.0, taken.speed])
+
+    @property
+    def bodies(self) -> set[tuple[float, float]]:
+        """Length and width (m) of the user's vehicle types, and of whoever is there with none of its own."""
+        return known_bodies()
 
     @property
     def vehicle_names(self) -> list[str]:

@@ -16,7 +16,6 @@ from hj_cosim.traffic.rogues.restraint import OwnCar, moved, ordinary_input, res
 from hj_cosim.traffic.sumo.puppet import Puppet, placement
 from hj_cosim.traffic.sumo.session import libsumo
 from hj_cosim.traffic.sumo.shared_fleet import Moved, SharedFleet
-from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
 from hj_cosim.vehicles.idm import DESIRED_SPEED
 
 TOP_SPEED = 1000.0  # m/s; SUMO would cap the speed that it takes from a moved car's way
@@ -26,8 +25,8 @@ LANE_LEFT = 300.0  # m before its lane's end, where nobody begins
 
 @dataclass(frozen=True)
 class _Body:
-    length: float = CAR_LENGTH
-    width: float = CAR_WIDTH
+    length: float  # m
+    width: float
 
 
 @dataclass
@@ -113,10 +112,11 @@ class RogueCars:
         is_near = abs(x - float(observation.robot[0])) <= self._settings.within
         if observation.time < self._settings.after or not is_near or self._fleet.is_changing(rogue.name):
             return False
-        return self._road.lane_end(self._road.lane_at(y, x), x) - x > LANE_LEFT and not self._is_at_the_end(x)
+        is_at_the_end = self._is_at_the_end(x, float(observation.length[row]))
+        return self._road.lane_end(self._road.lane_at(y, x), x) - x > LANE_LEFT and not is_at_the_end
 
-    def _is_at_the_end(self, x: float) -> bool:
-        return self._road.length - x - 0.5 * CAR_LENGTH < ROAD_LEFT
+    def _is_at_the_end(self, x: float, length: float) -> bool:
+        return self._road.length - x - 0.5 * length < ROAD_LEFT
 
     def _take_over(self, rogue: _Rogue) -> None:
         libsumo.vehicle.setMaxSpeed(rogue.name, TOP_SPEED)
@@ -137,10 +137,10 @@ class RogueCars:
         state = np.array([float(column[row]) for column in columns])
         rogue.puppet.correct_speed(float(state[3]))
         state, acceleration = moved(state, wanted, limits, step)
-        if self._is_at_the_end(float(state[0])):
+        if self._is_at_the_end(float(state[0]), float(observation.length[row])):
             self._take_away(rogue)
             return
-        placed = placement(state, _Body(), self._road)
+        placed = placement(state, _Body(float(observation.length[row]), float(observation.width[row])), self._road)
         rogue.puppet.place(placed, self._fleet.is_beside_somebody(rogue.name))
         rogue.speed = float(state[3])
         self._fleet.move(rogue.name, Moved(state, acceleration, placed))

@@ -18,6 +18,7 @@ from hj_cosim.traffic.rogues.catalogue import choose_rogues
 from hj_cosim.traffic.rogues.contract import ValuesOfCars
 from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.settling import follow_lane, robot_driver
+from hj_cosim.traffic.sources.kinds import kinds_of
 from hj_cosim.traffic.sources.placement import InitialTraffic, initial_traffic
 from hj_cosim.traffic.sources.scenarios import network_path
 from hj_cosim.traffic.sources.streams import drawn_streams
@@ -29,7 +30,6 @@ from hj_cosim.traffic.sumo.rogue_cars import RogueCars
 from hj_cosim.traffic.sumo.route_puppet import RoutePuppet
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo, log
 from hj_cosim.traffic.sumo.shared_fleet import SharedFleet
-from hj_cosim.vehicles.mobil import mobil_parameters
 
 TURN_TOLERANCE = 1e-6  # of a turn: a step's beginning is the turn's in spite of rounding
 
@@ -71,8 +71,6 @@ class SumoWorld:
         self._body = robot
         self._is_hand_made = scenario.is_hand_made
         self._robot_driver = robot_driver(scenario.drivers, scenario.robot.speed)
-        drivers = scenario.drivers
-        self._mobil = mobil_parameters(drivers.politeness, drivers.gain_threshold, drivers.safe_braking)
         self._turns_taken = 0
         self._session = SumoSession(without_ghost)
         with contextlib.ExitStack() as unless_built:
@@ -84,7 +82,14 @@ class SumoWorld:
             self._robot, self._robot_acceleration = initial.robot.copy(), 0.0
             is_finer = self._clocks.ratio > 1  # the robot's clock than SUMO's
             self._fleet = SharedFleet(
-                initial, names, robot, self._robot_driver, self.road, self._lanes, is_seen_between_steps=is_finer
+                initial,
+                names,
+                robot,
+                self._robot_driver,
+                self.road,
+                self._lanes,
+                kinds=kinds_of(scenario),
+                is_seen_between_steps=is_finer,
             )
             self._fleet.take_turns(np.random.default_rng([seed, 2]))
             edge = scenario.network.edge
@@ -210,7 +215,7 @@ class SumoWorld:
         """Let those change lanes who have decided to since the last step; a turn is a tenth of a decision's period."""
         turns_due = math.floor(self._clocks.time * DECISION_TURNS / DECISION_PERIOD + TURN_TOLERANCE) + 1
         for turn in range(self._turns_taken, turns_due):
-            self._fleet.request_lane_changes(turn, self._mobil, self._clocks.traffic_step)
+            self._fleet.request_lane_changes(turn, self._clocks.traffic_step)
         self._turns_taken = turns_due
 
     def close(self) -> None:

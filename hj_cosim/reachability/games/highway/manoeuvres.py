@@ -46,10 +46,12 @@ from hj_cosim.reachability.games.highway.paths import (
     Start,
     X,
     Y,
+    game_from,
     write_path,
 )
 from hj_cosim.reachability.games.highway.target import TargetFormula
 from hj_cosim.reachability.grid import Grid
+from hj_cosim.reachability.packing import packed
 
 # Of the largest heading; short of it, for a filter stays as far from the table's edge as the robot turns in a step.
 _SHARES_OF_HEADING = (0.0, 0.49, -0.49, 0.98, -0.98)
@@ -62,14 +64,25 @@ class Manoeuvres(NamedTuple):
     acceleration: np.ndarray  # (M,) m/s²
     # Apart from the arrays: jitted code counts references to every array of a tuple that it hands on.
     game: Game
+    games: np.ndarray  # (classes, n) the numbers of the games with cars of each size class, this one's first
+
+
+def _without_larger(heading: np.ndarray, acceleration: np.ndarray, game: Game) -> Manoeuvres:
+    return Manoeuvres(heading, acceleration, game, packed(game)[np.newaxis])
 
 
 # For who keeps no escape.
-NO_MANOEUVRES = Manoeuvres(
+NO_MANOEUVRES = _without_larger(
     np.empty(0),
     np.empty(0),
     Game(*(0.0,) * 9, TargetFormula(*(0.0,) * len(TargetFormula._fields)), Disturbance(0.0, 0.0, 0.0)),
 )
+
+
+@njit(cache=True)
+def game_with(manoeuvres: Manoeuvres, kind: int) -> Game:
+    """Return the game with other cars of a size class."""
+    return manoeuvres.game if kind == 0 else game_from(manoeuvres.games[kind])
 
 
 def manoeuvres_of(parameters: Mapping[str, float], grid: Grid) -> Manoeuvres:
@@ -102,29 +115,33 @@ def manoeuvres_of(parameters: Mapping[str, float], grid: Grid) -> Manoeuvres:
     )
     if other.responsible:
         require_hold(game, parameters["acceleration_min"])
-    return Manoeuvres(heading=pairs[:, 0].copy(), acceleration=pairs[:, 1].copy(), game=game)
+    return _without_larger(pairs[:, 0].copy(), pairs[:, 1].copy(), game)
 
 
 class Paths(NamedTuple):
-    """Room for the paths of all manoeuvres from one start, written one by one."""
+    """Room for the paths of all manoeuvres from one start, written one by one; after the M of a size class the next's.
 
-    rows: np.ndarray  # (M, MOST_INSTANTS, COLUMNS)
-    instants: np.ndarray  # (M,) int, of each path; 0 as long as it is not written
+    A path has how near the robot may come to the side of another car, which depends on that one's size.
+    """
+
+    rows: np.ndarray  # (classes M, MOST_INSTANTS, COLUMNS)
+    instants: np.ndarray  # (classes M,) int, of each path; 0 as long as it is not written
 
 
 @njit(cache=True)
 def room_for_paths(manoeuvres: Manoeuvres) -> Paths:
     """Return paths of which none is written."""
-    count = len(manoeuvres.heading)
+    count = len(manoeuvres.heading) * len(manoeuvres.games)
     return Paths(np.empty((count, MOST_INSTANTS, COLUMNS)), np.zeros(count, np.int64))
 
 
 @njit(cache=True)
 def require_path(manoeuvres: Manoeuvres, which: int, start: Start, paths: Paths) -> None:
-    """Write a manoeuvre's path unless it is written; mostly the first few are all that is wanted."""
+    """Write a path, by its row, unless it is written; mostly the first few are all that is wanted."""
     if paths.instants[which] == 0:
-        heading, acceleration = manoeuvres.heading[which], manoeuvres.acceleration[which]
-        paths.instants[which] = write_path(manoeuvres.game, heading, acceleration, start, paths.rows[which])
+        kind, manoeuvre = divmod(which, len(manoeuvres.heading))
+        heading, acceleration = manoeuvres.heading[manoeuvre], manoeuvres.acceleration[manoeuvre]
+        paths.instants[which] = write_path(game_with(manoeuvres, kind), heading, acceleration, start, paths.rows[which])
 
 
 class Other(NamedTuple):
@@ -270,7 +287,7 @@ def best_guarantee(
 ) -> float:
     """Return what the best manoeuvre guarantees against one car, or the first that is `enough`, m."""
     best = -math.inf
-    for which in range(len(paths.instants)):
+    for which in range(len(manoeuvres.heading)):
         require_path(manoeuvres, which, start, paths)
         path = paths.rows[which, : paths.instants[which]]
         best = max(best, guaranteed(manoeuvres.game, path, 0, other, p_x, p_y, best))

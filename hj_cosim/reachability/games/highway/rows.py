@@ -11,12 +11,12 @@ With ∇V = (V_x, V_y, V_θ, V_r, V_o), a row is V_θ ω + V_r a + c_0 >= 0 wher
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numba import njit
 
-from hj_cosim.reachability.games.contract import RowsOfCars
+from hj_cosim.reachability.games.contract import RowsOfCars, SizeClass
 from hj_cosim.reachability.games.highway.other_car import (
     Disturbance,
     allowed,
@@ -26,8 +26,10 @@ from hj_cosim.reachability.games.highway.other_car import (
 )
 from hj_cosim.reachability.games.highway.target import FORMULA_NUMBERS, TargetFormula, formula_from, terms_at
 from hj_cosim.reachability.packing import packed
+from hj_cosim.reachability.table.size_classes import class_of, offsets_in_class
 from hj_cosim.reachability.table.value_scale import scaled, steepness, unscaled
 from hj_cosim.scene.observation import Cars
+from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
 
 
 @njit(cache=True)
@@ -95,24 +97,31 @@ def write_row(
     row[5], row[6], row[7] = instead[2], instead[3], worst_drift(instead, state, other)
 
 
+# Ten parameters: a NamedTuple of arrays costs a microsecond to hand over, at every step.
 @njit(cache=True)
 def _rows_of_cars(
     robot: np.ndarray,
     x: np.ndarray,
     y: np.ndarray,
     speed: np.ndarray,
+    length: np.ndarray,
+    width: np.ndarray,
     values: np.ndarray,
     gradients: np.ndarray,
     bound: float,
     numbers: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    target, other = formula_from(numbers), disturbance_from(numbers[FORMULA_NUMBERS:])
+    target, other = _game_in(numbers, 0)
+    before, state = 0, np.empty(5)
     chosen, rows = np.empty(len(values), np.int64), np.empty((len(values), 8))
-    state = np.empty(5)
     count = 0
     for j in range(len(values)):
         if values[j] <= bound:
-            state[0], state[1] = robot[0] - x[j], robot[1] - y[j]
+            kind = class_of(numbers, length[j], width[j])
+            if kind != before:
+                target, other = _game_in(numbers, kind)
+                before = kind
+            state[0], state[1] = offsets_in_class(numbers, kind, robot[0] - x[j], robot[1] - y[j], length[j], width[j])
             state[2], state[3], state[4] = robot[2], robot[3], speed[j]
             chosen[count] = j
             write_row(target, other, state, values[j], gradients[j], rows[count])
@@ -120,18 +129,38 @@ def _rows_of_cars(
     return chosen[:count], rows[:count].T.copy()
 
 
-def closed_rows(parameters: Mapping[str, float]) -> RowsOfCars:
+@njit(cache=True)
+def _game_in(numbers: np.ndarray, kind: int) -> tuple[TargetFormula, Disturbance]:
+    """Return V(0, ·) and the assumption of a size class, by its row; the largest body of the class comes first."""
+    row = numbers[kind, 2:]
+    return formula_from(row), disturbance_from(row[FORMULA_NUMBERS:])
+
+
+def closed_rows(
+    parameters: Mapping[str, float], larger: Sequence[tuple[SizeClass, Mapping[str, float]]] = ()
+) -> RowsOfCars:
     """Return the function that makes the rows of all cars with V up to a bound, in one pass.
 
     Args:
         parameters: all of a highway game.
+        larger: size classes of larger cars, the smallest first, and all of the parameters of the games with them.
     """
-    numbers = packed((TargetFormula.of_game(parameters), Disturbance.of_game(parameters)))
+    numbers = np.array(
+        [
+            [*body, *packed((TargetFormula.of_game(each), Disturbance.of_game(each)))]
+            for body, each in [
+                ((CAR_LENGTH, CAR_WIDTH), parameters),
+                *(((size.length, size.width), of_class) for size, of_class in larger),
+            ]
+        ]
+    )
 
     def rows_of_cars(
         robot: np.ndarray, cars: Cars, values: np.ndarray, gradients: np.ndarray, bound: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        chosen, rows = _rows_of_cars(robot, cars.x, cars.y, cars.speed, values, gradients, bound, numbers)
+        chosen, rows = _rows_of_cars(
+            robot, cars.x, cars.y, cars.speed, cars.length, cars.width, values, gradients, bound, numbers
+        )
         return chosen, rows
 
     return rows_of_cars
