@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
-from hj_cosim.settings.base import Metres, MetresPerSecond, Number, Seconds, Settings
+from hj_cosim.settings.base import Metres, MetresPerSecond, MetresPerSecondSquared, Number, Seconds, Settings
 
 # What one action of the planner's tree is predicted in, at most.
 MOST_PREDICTION_STEPS = 1000
@@ -38,6 +38,12 @@ class PlannerSettings(Settings):
     lane_change_time: Seconds = Field(2.0, gt=0, description="in which the tracked robot gets one lane across")
     others_lane_change_time: Seconds = Field(3.0, gt=0, description="in which the other cars do")
     speed_response: Seconds = Field(0.6, gt=0, description="time constant of the tracked speed, 1/K_2")
+    polite_braking: MetresPerSecondSquared = Field(
+        9.0,
+        ge=0,
+        description="no lane change is planned for which who is behind then has to brake harder; 9 minds nobody, as the"
+        " paper",
+    )
     options: dict[str, Any] = Field({}, description="settings that a planner of one's own brings")
 
     @model_validator(mode="after")

@@ -101,6 +101,7 @@ class OptimisticPlanner:
             settings.expansions,
             lowest_lane=0,
             highest_lane=road.lane_count - 1,
+            polite_braking=settings.polite_braking,
         )
         self._make_room(1)
 

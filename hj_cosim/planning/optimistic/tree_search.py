@@ -19,6 +19,7 @@ from numba import njit
 from hj_cosim.planning.contract import ACTION_COUNT
 from hj_cosim.planning.optimistic.crash import robot_crashes
 from hj_cosim.planning.optimistic.frontier import pop_leaf, push_leaf
+from hj_cosim.planning.optimistic.politeness import braking_imposed
 from hj_cosim.planning.optimistic.prediction import (
     BRANCH,
     LANE,
@@ -78,6 +79,7 @@ class ActionModel(NamedTuple):
     expansions: int  # the budget
     lowest_lane: int  # that the robot may plan for
     highest_lane: int
+    polite_braking: float  # m/s², harder than which nobody behind is to brake for a lane change
 
 
 class PlannedState(NamedTuple):
@@ -154,7 +156,9 @@ def search(
                 continue
             if not may_change_lane(LANE_CHANGE[action], off_centre, prediction.lane_width):
                 continue
-            crashed = add_child(tree, node, count, PlannedState(action, lane, speed), scene, robot, prediction)
+            crashed, imposed = add_child(tree, node, count, PlannedState(action, lane, speed), scene, robot, prediction)
+            if LANE_CHANGE[action] != 0 and imposed > actions.polite_braking:
+                continue
             child = nodes[count]
             worst = math.inf
             if weights.gamma_r < 1.0:
@@ -191,8 +195,12 @@ def add_child(
     scene: Scene,
     robot: int,
     prediction: PredictionModel,
-) -> bool:
-    """Write the node that an action of an opened node leads to, and return whether the robot crashes on the way."""
+) -> tuple[bool, float]:
+    """Write the node that an action of an opened node leads to; see what the robot does on the way.
+
+    Returns:
+        Whether it crashes, and how hard those brake whose lane it enters, m/s².
+    """
     occupied, heading = drive_robot(scene, robot, planned.lane, planned.speed, prediction)
     drive_cars(scene, robot, occupied, REACTING, prediction)
     close_scene(tree.state[child], tree.place[child], scene, robot, prediction)
@@ -203,7 +211,7 @@ def add_child(
     entry.planned_lane = planned.lane
     entry.planned_speed = planned.speed
     entry.heading = heading
-    return robot_crashes(scene, robot, prediction)
+    return robot_crashes(scene, robot, prediction), braking_imposed(scene, robot, occupied, prediction)
 
 
 @njit(cache=True, error_model="numpy")
