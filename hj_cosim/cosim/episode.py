@@ -41,6 +41,7 @@ from hj_cosim.traffic.contract import World, WorldWithRogues
 from hj_cosim.traffic.sumo.own_world import OwnWorld
 from hj_cosim.traffic.sumo.world import SumoWorld
 from hj_cosim.vehicles.bicycle import steering_for
+from hj_cosim.verification.foresight import EVERY, ForesightAudit
 from hj_cosim.verification.promise_audit import PromiseAudit
 
 Progress = Callable[[int, int], None]  # samples driven, samples in all
@@ -83,6 +84,7 @@ def drive(
     config: EpisodeConfig,
     audit: PromiseAudit | None = None,
     progress: Progress | None = None,
+    foresight: ForesightAudit | None = None,
 ) -> Drive:
     """Drive one episode in a world that has settled, and return what happened.
 
@@ -100,6 +102,7 @@ def drive(
         config: clocks, the robot and the tracking controller.
         audit: told of every step, if there is one; for filters that promise something about V.
         progress: called with the samples driven and the samples in all, once a plan.
+        foresight: predicts the other cars once a second, if there is one.
 
     Raises:
         SimulationError: if the world fails, or puts the robot where no robot can be.
@@ -119,13 +122,16 @@ def drive(
     target = Target(lane=world.road.lane_at(lateral, along), speed=speed)
     plan, desired = Plan(IDLE, target), Control(0.0, 0.0)
     ended = DURATION
+    samples_per_foresight = max(round(EVERY / simulation.step), 1)
     for sample in range(samples):
         if sample % samples_per_plan == 0:
-            if is_possible(observation.robot, observation.x, observation.y, observation.heading, observation.speed):
+            if _is_judged(observation):
                 plan = guarded_planner.plan(observation, target)
                 target = plan.target
             if progress is not None:
                 progress(sample, samples)
+        if foresight is not None and sample % samples_per_foresight == 0 and _is_judged(observation):
+            foresight.judge(observation, target)
         followed = target if world.road.is_straight else in_existing_lane(target, observation.robot, world.road)
         wanted = tracking_control(observation.robot, followed, world.road, config.tracking, robot)
         desired = eased(wanted, desired, config.tracking.jerk_max, simulation.step)
@@ -153,6 +159,11 @@ def drive(
     rogues = world.rogues if isinstance(world, WorldWithRogues) else {}
     record = recorder.finish(world.road, robot, world.vehicle_names, ended, rogues)
     return Drive(record, guarded_filter.counts)
+
+
+def _is_judged(observation: Observation) -> bool:
+    """Return whether an observation's states are numbers, so that there is something to plan or predict."""
+    return is_possible(observation.robot, observation.x, observation.y, observation.heading, observation.speed)
 
 
 def _observe(world: World) -> Observation:
@@ -231,9 +242,12 @@ def run_in_sumo(
         planner = make_planner(config.planner, config.robot, drivers, world.road, table)
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
         audit = PromiseAudit(table.stack, promises=isinstance(safety_filter, SafetyPreservingFilter))
-        driven = drive(world, planner, safety_filter, table, config, audit, progress)
+        foresight = ForesightAudit(config.planner, config.robot, drivers, world.road, table)
+        driven = drive(world, planner, safety_filter, table, config, audit, progress, foresight)
     wall_seconds = time.perf_counter() - started
-    summary = summarize(driven.record, config, audit.summary() | fallback_summary(driven.diagnostics))
+    summary = summarize(
+        driven.record, config, audit.summary() | fallback_summary(driven.diagnostics) | foresight.summary()
+    )
     versions = {**program_versions(), TABLE: specification_hash(table.specification, table.game)}
     for each in table.larger:
         versions[f"{TABLE}, {each.size.name}"] = specification_hash(each.specification, each.game)

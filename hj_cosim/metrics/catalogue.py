@@ -7,6 +7,7 @@ from hj_cosim.metrics.declaration import Fact, Metric, PercentileOfSamples
 from hj_cosim.metrics.declared_driving import DRIVING_METRICS
 from hj_cosim.metrics.declared_filter import FILTER_METRICS, METRICS_OF_MANY_EPISODES
 from hj_cosim.metrics.declared_paper import PAPER_METRICS
+from hj_cosim.metrics.declared_prediction import PREDICTION_METRICS
 
 FACTS = (
     Fact("planner", "which planner drove"),
@@ -26,7 +27,8 @@ TIMING = (
 )
 
 METRICS: Mapping[str, Metric] = {
-    metric.name: metric for metric in (*PAPER_METRICS, *DRIVING_METRICS, *FILTER_METRICS, *METRICS_OF_MANY_EPISODES)
+    metric.name: metric
+    for metric in (*PAPER_METRICS, *DRIVING_METRICS, *FILTER_METRICS, *PREDICTION_METRICS, *METRICS_OF_MANY_EPISODES)
 }
 SUMMARY_KEYS = (
     *(fact.name for fact in FACTS),

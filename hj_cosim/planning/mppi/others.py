@@ -28,7 +28,7 @@ class Others(NamedTuple):
 class Habits(NamedTuple):
     """How the others are taken to drive."""
 
-    driver: np.ndarray  # (6,) IDM's mean parameters
+    drivers: np.ndarray  # (J, 6) IDM's parameters, as far as they can be known
     lateral_speed: float  # m/s, while they change lanes
     notice: float  # m between the lines of travel, nearer than which one follows another
 
@@ -65,7 +65,7 @@ def predict_others(
                     gap, lead_speed = room, robot[instant, 3]
             acceleration = 0.0
             if gap < math.inf:
-                wanted = idm_acceleration(speed[instant, car], gap, lead_speed, habits.driver)
+                wanted = idm_acceleration(speed[instant, car], gap, lead_speed, habits.drivers[car])
                 acceleration = max(wanted, -HARDEST_BRAKING)
             later = max(speed[instant, car] + acceleration * step, 0.0)
             x[instant + 1, car] = x[instant, car] + 0.5 * (speed[instant, car] + later) * step

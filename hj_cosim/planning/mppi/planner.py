@@ -66,8 +66,9 @@ class MppiPlanner:
             robot.length, robot.width, robot.omega_max, robot.acceleration_min, robot.acceleration_max,
             robot.lateral_acceleration_max, robot.speed_max, HEADING_MAX, road.lane_width, road.lane_count,
         )  # fmt: skip
+        self._driver = mean_driver(drivers)
         self._habits = Habits(
-            mean_driver(drivers),
+            self._driver[np.newaxis],
             road.lane_width / settings.others_lane_change_time,
             road.overlap_reach(robot.width),
         )
@@ -129,7 +130,10 @@ class MppiPlanner:
             column[sensed] for column in (observation.x, observation.y, observation.speed)
         )
         target_y = self._road.lane_centres(observation.target_lane[sensed], observation.x[sensed])
-        predict_others(others, target_y, path, self._robot.length, self._habits, self._options.step)
+        expected = observation.expected_driver
+        drivers = np.tile(self._driver, (len(sensed), 1)) if expected is None else expected[sensed]
+        habits = self._habits._replace(drivers=drivers)
+        predict_others(others, target_y, path, self._robot.length, habits, self._options.step)
         return others
 
     def _drawn(self, state: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """The planners OP and HJOP: optimistic planning with the paper's reward, without and with the HJI term."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,10 +23,15 @@ from hj_cosim.planning.optimistic.prediction import (
 from hj_cosim.planning.optimistic.reward import reward_model
 from hj_cosim.planning.optimistic.tree_search import (
     KIND,
+    LANE_CHANGE,
     ROOT,
+    SPEED_CHANGE,
     ActionModel,
+    PlannedState,
     Tree,
+    add_child,
     empty_tree,
+    open_node,
     outermost_lanes,
     search,
 )
@@ -51,6 +57,7 @@ def prediction_model(
     return PredictionModel(
         driver=tuple(driver.tolist()),
         drivers=np.tile(driver, (vehicles, 1)),
+        tells_apart=False,
         mobil=mobil_parameters(drivers.politeness, drivers.gain_threshold, drivers.safe_braking),
         lane_count=road.lane_count,
         first_lane=0,
@@ -114,6 +121,7 @@ class OptimisticPlanner:
         self._prediction = prediction_model(self._settings, self._robot, self._drivers, self._road, vehicles)
         self._tree = empty_tree(self._settings.expansions, vehicles)
         self._scene = empty_scene(vehicles, self._prediction.steps, self._road.lane_count)
+        self._scene.drivers[:] = self._prediction.drivers
 
     def plan(self, observation: Observation, previous: Target) -> Plan:
         """Return the first action of the best path found, with the search's statistics.
@@ -164,6 +172,30 @@ class OptimisticPlanner:
         along, lateral, _, speed = observation.robot.tolist()
         self.plan(observation, Target(self._road.lane_at(lateral, along), speed))
 
+    def foresee(self, observation: Observation, previous: Target, actions: Sequence[int]) -> PredictedTrajectory:
+        """Return what is expected to happen if the robot drives given actions, one for each action time.
+
+        Args:
+            observation: the robot and the cars around it now; those within the sensing range are predicted.
+            previous: what the robot has planned, which the first action changes.
+            actions: such as IDLE.
+        """
+        observation = with_lane_ends(observation, self._road, self._settings.sensing_range)
+        cars, bodies = self._enter(observation)
+        if not self._road.is_straight:
+            self._prediction, self._actions = with_road_ahead(
+                self._prediction, self._actions, self._road, observation, self._settings.sensing_range
+            )
+        tree = empty_tree(len(actions), len(cars) + 1)
+        self._plant_root(tree, observation, cars, previous)
+        for node, action in enumerate(actions):
+            lane = int(tree.nodes[node]["planned_lane"]) + LANE_CHANGE[action]
+            speed = float(tree.nodes[node]["planned_speed"]) + SPEED_CHANGE[action] * self._settings.speed_step
+            robot = open_node(tree, node, self._scene, bodies, self._prediction)
+            planned = PlannedState(action, lane, float(speed))
+            add_child(tree, node, node + 1, planned, self._scene, robot, self._prediction)
+        return self._trajectory(tree, np.arange(len(actions) + 1), observation, cars)
+
     def _enter(self, observation: Observation) -> tuple[np.ndarray, np.ndarray]:
         """Return the indices of the cars that enter the tree, and the bodies (J + 1, 3) of all, the robot's first."""
         cars = self._sensed(observation)
@@ -172,6 +204,10 @@ class OptimisticPlanner:
         bodies = np.zeros((len(cars) + 1, 3))
         bodies[ROBOT, :KIND] = self._robot.length, self._robot.width
         bodies[1:, 0], bodies[1:, 1] = observation.length[cars], observation.width[cars]
+        expected = observation.expected_driver
+        if expected is not None:
+            self._prediction.drivers[1:] = expected[cars]
+        self._prediction = self._prediction._replace(tells_apart=expected is not None)
         bodies[1:, KIND] = classes_of(self._tables.numbers, observation.length[cars], observation.width[cars])
         return cars, bodies
 

@@ -18,6 +18,7 @@ from hj_cosim.planning.optimistic.prediction import (
     SPEED,
     PredictionModel,
     Scene,
+    driver_of,
 )
 from hj_cosim.vehicles.idm import idm_acceleration
 
@@ -65,11 +66,9 @@ def _braking_behind(scene: Scene, robot: int, car: int, model: PredictionModel) 
     branch = scene.place[BRANCH, car]
     position, speed = scene.motion[branch, POSITION, car], scene.motion[branch, SPEED, car]
     reach = 0.5 * (scene.state[LENGTH, car] + scene.state[LENGTH, robot])
-    hardest = 0.0
+    hardest, driver = 0.0, driver_of(car, scene, model)
     for now in range(1, model.steps + 1):
         ahead = scene.robot_motion[POSITION, now] - position[now]
         if ahead > 0.0:
-            hardest = max(
-                hardest, -idm_acceleration(speed[now], ahead - reach, scene.robot_motion[SPEED, now], model.driver)
-            )
+            hardest = max(hardest, -idm_acceleration(speed[now], ahead - reach, scene.robot_motion[SPEED, now], driver))
     return hardest

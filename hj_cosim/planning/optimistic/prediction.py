@@ -54,10 +54,11 @@ HARDEST_BRAKING = 9.0  # m/s²
 class PredictionModel(NamedTuple):
     """What the prediction depends on and no plan changes."""
 
-    # The mean driver's IDM parameters: as a tuple, of which kernels keep sums and roots in registers, and as an
-    # array (M, 6) with a row for each vehicle, as MOBIL reads them.
+    # The mean driver's IDM parameters, as a tuple, of which kernels keep sums and roots in registers; and what can be
+    # expected of each vehicle's driver, by its number, (M, 6), which is the same for all unless they are told apart.
     driver: tuple[float, float, float, float, float, float]
     drivers: np.ndarray
+    tells_apart: bool
     mobil: np.ndarray  # (3,) MOBIL's parameters
     lane_count: int
     first_lane: int  # the lanes that there are near the robot, to which others may change
@@ -91,6 +92,7 @@ class Scene(NamedTuple):
     robot_motion: np.ndarray  # (3, K + 1), rows POSITION, SPEED, LATERAL
     robot_lanes: np.ndarray  # (K + 1,) int64, bit sets of the lanes in which drivers notice the robot
     nearest: np.ndarray  # (2, lanes) int64, the vehicle and the car (not the robot) seen last in each lane
+    drivers: np.ndarray  # (M, 6) the model's, in the order of the scene, as MOBIL reads them
 
 
 def empty_scene(vehicles: int, steps: int, lane_count: int) -> Scene:
@@ -102,6 +104,7 @@ def empty_scene(vehicles: int, steps: int, lane_count: int) -> Scene:
         robot_motion=np.zeros((3, steps + 1)),
         robot_lanes=np.zeros(steps + 1, np.int64),
         nearest=np.zeros((2, lane_count), np.int64),
+        drivers=np.zeros((vehicles, 6)),
     )
 
 
@@ -127,6 +130,24 @@ def sort_by_position(state: np.ndarray, place: np.ndarray) -> int:
 
 
 @njit(cache=True, error_model="numpy")
+def order_drivers(scene: Scene, model: PredictionModel) -> None:
+    """Lay the drivers out as the scene's vehicles are; where all are the same, once is enough."""
+    for column in range(len(scene.drivers)):
+        vehicle = scene.place[VEHICLE, column]
+        for parameter in range(6):
+            scene.drivers[column, parameter] = model.drivers[vehicle, parameter]
+
+
+@njit(cache=True, error_model="numpy")
+def driver_of(car: int, scene: Scene, model: PredictionModel) -> tuple[float, float, float, float, float, float]:
+    """Return what is expected of the driver in a column: the mean driver unless they are told apart."""
+    if not model.tells_apart:
+        return model.driver
+    one = scene.drivers[car]
+    return one[0], one[1], one[2], one[3], one[4], one[5]
+
+
+@njit(cache=True, error_model="numpy")
 def decide_and_find_leaders(scene: Scene, robot: int, model: PredictionModel) -> None:
     """Let the cars decide on their lanes, and find the nearest car ahead of each, and who is nearest behind the robot.
 
@@ -143,7 +164,7 @@ def decide_and_find_leaders(scene: Scene, robot: int, model: PredictionModel) ->
     for car in range(len(lane) - 1, -1, -1):
         if car != robot:
             if lane[car] == second_lane[car] and vehicles[lane[car]] != NOBODY:
-                lane[car] = wanted_lane(car, vehicles, everybody, model)
+                lane[car] = wanted_lane(car, vehicles, everybody, scene, model)
             ahead, other_ahead = cars[lane[car]], cars[second_lane[car]]
             leader[car] = other_ahead if ahead == NOBODY or NOBODY < other_ahead < ahead else ahead
             follows_in[car] = 0
@@ -158,7 +179,7 @@ def decide_and_find_leaders(scene: Scene, robot: int, model: PredictionModel) ->
 
 
 @njit(cache=True, error_model="numpy")
-def wanted_lane(car: int, ahead: np.ndarray, vehicles: Vehicles, model: PredictionModel) -> int:
+def wanted_lane(car: int, ahead: np.ndarray, vehicles: Vehicles, scene: Scene, model: PredictionModel) -> int:
     """Return the lane that a car drives to by MOBIL, its own where it stays.
 
     Without politeness no lane is wanted in which the car itself would not gain more than the threshold, and that
@@ -168,21 +189,22 @@ def wanted_lane(car: int, ahead: np.ndarray, vehicles: Vehicles, model: Predicti
         car: its column.
         ahead: (lanes,) the nearest vehicle ahead of it in each lane.
         vehicles: of the scene.
-        model: the drivers' parameters and the lanes.
+        scene: with the drivers in order.
+        model: the lanes, and the drivers' parameters.
     """
     mobil = model.mobil
     position, speed, lane, second_lane, length = vehicles
-    here = lane[car]
+    here, driver = lane[car], driver_of(car, scene, model)
     wanted, best = here, 0.0
-    now = acceleration_behind(ahead[here], car, vehicles, model.driver)
+    now = acceleration_behind(ahead[here], car, vehicles, driver)
     for target in (here + 1, here - 1):  # the left first: it wins a tie
         if target < model.first_lane or target >= model.stop_lane:
             continue
         if mobil[POLITENESS] == 0.0:
-            gain = acceleration_behind(ahead[target], car, vehicles, model.driver) - now
+            gain = acceleration_behind(ahead[target], car, vehicles, driver) - now
             if gain <= mobil[GAIN_THRESHOLD]:
                 continue
-        incentive = lane_change_incentive(car, target, position, speed, lane, second_lane, length, model.drivers, mobil)
+        incentive = lane_change_incentive(car, target, position, speed, lane, second_lane, length, scene.drivers, mobil)
         if incentive > best:
             wanted, best = target, incentive
     return wanted
@@ -271,7 +293,7 @@ def drive_cars(scene: Scene, robot: int, occupied: int, branch: int, model: Pred
         place[BRANCH, car] = REACTING if lanes != 0 or leader_branch == REACTING else SHARED
         if place[BRANCH, car] == branch:
             robot_gap = 0.5 * (scene.state[LENGTH, car] + scene.state[LENGTH, robot])
-            follow(car, branch, leader_branch, robot_gap, lanes, scene, model.driver, model.step)
+            follow(car, branch, leader_branch, robot_gap, lanes, scene, driver_of(car, scene, model), model.step)
 
 
 @njit(cache=True, error_model="numpy")

@@ -39,6 +39,7 @@ from hj_cosim.planning.optimistic.prediction import (
     drive_cars,
     drive_robot,
     noticed_lanes,
+    order_drivers,
     sort_by_position,
 )
 from hj_cosim.planning.optimistic.reward import RewardModel, total_reward
@@ -181,6 +182,8 @@ def search(
 def open_node(tree: Tree, node: int, scene: Scene, bodies: np.ndarray, prediction: PredictionModel) -> int:
     """Prepare what the children of a node share, and return the robot's column of the scene."""
     robot = open_scene(tree.state[node], tree.place[node], scene.state, scene.place, bodies)
+    if prediction.tells_apart:
+        order_drivers(scene, prediction)
     decide_and_find_leaders(scene, robot, prediction)
     drive_cars(scene, robot, noticed_lanes(scene.state[LATERAL, robot], prediction), SHARED, prediction)
     return robot
