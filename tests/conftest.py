@@ -10,8 +10,11 @@ import pytest
 from hypothesis import settings
 
 from hj_cosim.cli.commands import main
+from hj_cosim.reachability.table.size_classes import SIZE_CLASSES
+from hj_cosim.reachability.table.sized import load_tables
 from hj_cosim.reachability.table.store import load_table
 from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.settings import robot_and_filter
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))  # for the modules that tests share, in processes forked from ours too
@@ -30,6 +33,12 @@ def small_specification(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def small_table(small_specification: Path) -> ValueTable:
     """Return the coarse highway table, solved."""
     return load_table(str(small_specification))
+
+
+@pytest.fixture(scope="session")
+def sized_table(small_specification: Path) -> ValueTable:
+    """Return that table with those of vans, trucks and long trucks."""
+    return load_tables(str(small_specification), SIZE_CLASSES, robot=robot_and_filter("best")[0])
 
 
 @pytest.fixture

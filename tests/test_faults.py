@@ -140,7 +140,7 @@ def test_read_only_folder_is_named_before_any_work(call, monkeypatch, scenario, 
 
     for module, name in (
         (run_module, "run_in_sumo"),
-        (run_module, "load_table"),
+        (run_module, "load_tables"),
         (value_table, "solve_table"),
         (value_table, "load_table"),
     ):
@@ -173,7 +173,7 @@ def test_read_only_folder_is_named(call, driven, arguments):
 @pytest.mark.parametrize(
     ("module", "name", "reason"),
     [
-        (run_module, "load_table", "'{}' is not in"),  # after the configuration was checked, before the road is read
+        (run_module, "load_tables", "'{}' is not in"),  # after the configuration was checked, before the road is read
         (sumo_world, "write_routes", "SUMO cannot run scenario few on {}: "),  # after that, before SUMO reads it
     ],
 )

@@ -34,7 +34,7 @@ def here(tmp_path, monkeypatch):
         raise WorkBegins
 
     study = importlib.import_module("hj_cosim.study.study")
-    for module, name in ((run, "load_table"), (study, "load_table"), (study, "conduct")):
+    for module, name in ((run, "load_tables"), (study, "load_tables"), (study, "conduct")):
         monkeypatch.setattr(module, name, begin)
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -86,7 +86,7 @@ class KindDrivers(Settings):
 class VehicleSettings(Settings):
     """A kind of vehicle among the drawn ones, such as trucks; the rest are cars of 5 x 2 m."""
 
-    share: float = Field(gt=0, le=1, description="of the drawn vehicles, and of those of streams")
+    share: Number = Field(gt=0, le=1, description="of the drawn vehicles, and of those of streams")
     length: Metres = Field(ge=1, le=18, description="of the body; 18 m is the longest that there are value tables for")
     width: Metres = Field(ge=0.4, le=2.6, description="of the body")
     drivers: KindDrivers = Field(KindDrivers(), description="in place of what the scenario's drivers are drawn from")
@@ -164,6 +164,7 @@ class RobotStart(Settings):
 
     lane: int = Field(1, ge=0, description="0 is the right-most")
     speed: MetresPerSecond = Field(24.0, ge=0, description="at most what IDM holds at its gap")
+    edge: str = Field("", description="of a user's own simulation: where it is put in, in place of a vehicle")
 
 
 class Scenario(Settings):
@@ -189,6 +190,14 @@ class Scenario(Settings):
                 f"rogues.share = {self.rogues.share:g}, but rogues take the scenario's own cars, of which a user's"
                 " simulation (own.file) has none; leave one of the two out"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _edge_is_theirs(self) -> "Scenario":
+        if self.robot.edge and not self.own.is_given:
+            raise ValueError("robot.edge is an edge of a user's own simulation (own.file); ours have network.edge")
+        if self.robot.edge and self.own.ego:
+            raise ValueError("robot.edge and own.ego both say where the robot begins; keep one of them")
         return self
 
     @model_validator(mode="after")

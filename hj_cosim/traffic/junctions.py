@@ -62,6 +62,14 @@ class Junctions:
                 lanes[source] = len(links)
         return max(sorted(lanes), key=lanes.__getitem__, default=None)
 
+    def after(self, edge: str) -> str | None:
+        """Return the edge to which `edge` leads by the most lanes as a road does; None if it leads to none."""
+        lanes: dict[str, int] = {}
+        for (source, target), links in self.links.items():
+            if source == edge and self.obstacle(edge, target) is None:
+                lanes[target] = len(links)
+        return max(sorted(lanes), key=lanes.__getitem__, default=None)
+
     def _rules_of(self, link: _Link) -> tuple[str, _Rules]:
         """Return a link's junction, and what that asks; it knows a link by its first lane inside or the next."""
         via = link.via

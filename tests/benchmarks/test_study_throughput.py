@@ -34,7 +34,7 @@ def test_episodes_a_minute(benchmark, workers, tmp_path):
     table = {}
     for key, config in StudyFolder.of(tmp_path / "table", request).tables.items():
         load_table(config.table, robot=config.robot)
-        table[key] = kept_table(config.table, config.robot)
+        table[key] = (kept_table(config.table, config.robot),)
     rounds = iter(range(100))
 
     def drive_them() -> None:

@@ -53,7 +53,7 @@ def finished(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(Path(__file__).parents[1] / "study"))
         synthetic = importlib.import_module("synthetic_episodes")
-        patch.setattr(module, "load_table", lambda name, progress, *, robot: None)
+        patch.setattr(module, "load_tables", lambda name, sizes, progress, *, robot: None)
         patch.setattr(module, "drive_episode", synthetic.drive)
         patch.setattr(module, "LocalWorkers", lambda _: InThisProcess())
         return run_study(**STUDY, out=tmp_path_factory.mktemp("finished") / "study").folder
@@ -63,7 +63,7 @@ def finished(tmp_path_factory):
 def resume(finished, call, monkeypatch):
     """Return a function that resumes the study with further options, checks that nothing changed, and what it said."""
     module = importlib.import_module("hj_cosim.study.study")
-    monkeypatch.setattr(module, "load_table", lambda name, progress, *, robot: None)
+    monkeypatch.setattr(module, "load_tables", lambda name, sizes, progress, *, robot: None)
 
     def resume_it(*options):
         before = files(finished)

@@ -27,7 +27,7 @@ def synthetic():
 def study(call, synthetic, monkeypatch):
     """Return a function that calls `hj-cosim study`, whose episodes are driven by a function of synthetic_episodes."""
     module = importlib.import_module("hj_cosim.study.study")
-    monkeypatch.setattr(module, "load_table", lambda name, progress, *, robot: None)
+    monkeypatch.setattr(module, "load_tables", lambda name, sizes, progress, *, robot: None)
 
     def call_it(*arguments, way="drive"):
         monkeypatch.setattr(module, "drive_episode", getattr(synthetic, way))

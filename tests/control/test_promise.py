@@ -16,7 +16,7 @@ def test_rates_are_the_differences_of_v_between_two_instants(linear_table, obser
     # V = −p_x − 2 v_r + v_o − 20
     before = observe([0.0, 4.0, 0.0, 25.0], [[47.0, 4.0, 0.0, 24.0], [60.0, 4.0, 0.0, 24.0]], 1.00)
     after = observe([0.5, 4.0, 0.0, 24.9], [[47.4, 4.0, 0.0, 23.9], [60.5, 4.0, 0.0, 24.0]], 1.02)
-    rates = realised_value_rates(linear_table.arrays, before, after, np.array([1, 0, 7]))
+    rates = realised_value_rates(linear_table.stack, before, after, np.array([1, 0, 7]))
     np.testing.assert_allclose(rates[:2], [(0.0 + 0.2) / 0.02, (-0.1 + 0.2 - 0.1) / 0.02], atol=1e-2)
     assert math.isnan(rates[2])
 
@@ -29,9 +29,9 @@ def test_a_promise_is_kept_when_no_v_in_k_falls_and_broken_when_one_does(linear_
     # The other car is as bad as the table assumes: it brakes at 6 m/s² and drives 0.1 rad across.
     slower, driven = 25.0 + result.control.acceleration * 0.02, 24.94 * math.cos(0.1) * 0.02
     kept = observe([24.97 * 0.02, 4.0, 0.0, slower], [[47.0 + driven, 4.0, 0.0, 24.0 - 0.12]], 1.02)
-    assert promise_kept(linear_table.arrays, result, before, kept, tolerance=0.1)
+    assert promise_kept(linear_table.stack, result, before, kept, tolerance=0.1)
     broken = observe([24.97 * 0.02, 4.0, 0.0, slower], [[47.0, 4.0, 0.0, 23.0]], 1.02)
-    assert promise_kept(linear_table.arrays, result, before, broken, tolerance=0.1) is False
+    assert promise_kept(linear_table.stack, result, before, broken, tolerance=0.1) is False
 
 
 def test_a_promise_is_broken_by_one_car_however_well_the_other_does(linear_table, observe):
@@ -40,9 +40,9 @@ def test_a_promise_is_broken_by_one_car_however_well_the_other_does(linear_table
     result = FilterInLoop(FilterSettings(), linear_table).filter(before, Control(0.0, 1.0))
     assert len(result.rows) == 2
     after = observe([0.5, 4.0, 0.0, 25.0], [[49.0, 4.0, 0.0, 24.0], [47.0, 4.0, 0.0, 23.0]], 1.02)
-    rates = realised_value_rates(linear_table.arrays, before, after, np.array([0, 1]))
+    rates = realised_value_rates(linear_table.stack, before, after, np.array([0, 1]))
     assert rates.min() < -0.1 < rates.max()
-    assert promise_kept(linear_table.arrays, result, before, after, tolerance=0.1) is False
+    assert promise_kept(linear_table.stack, result, before, after, tolerance=0.1) is False
 
 
 def test_nothing_is_promised_where_k_is_empty_or_the_rows_cannot_be_met(linear_table, observe):
@@ -51,7 +51,7 @@ def test_nothing_is_promised_where_k_is_empty_or_the_rows_cannot_be_met(linear_t
     near = observe([0.0, 4.0, 0.0, 35.0], [[5.0, 4.0, 0.0, 10.0]], 1.0)
     for seen in (far, near):
         result = spc.filter(seen, Control(0.0, 1.0))
-        assert promise_kept(linear_table.arrays, result, seen, seen, 0.1) is None
+        assert promise_kept(linear_table.stack, result, seen, seen, 0.1) is None
     assert len(spc.filter(far, Control(0.0, 1.0)).rows) == 0
     assert not spc.filter(near, Control(0.0, 1.0)).meetable
 

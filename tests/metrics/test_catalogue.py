@@ -11,12 +11,21 @@ from hj_cosim.metrics.declaration import EpisodesWith, WeightedMean
 from hj_cosim.metrics.declared_driving import DRIVING_METRICS
 from hj_cosim.metrics.declared_filter import FILTER_METRICS, METRICS_OF_MANY_EPISODES
 from hj_cosim.metrics.declared_paper import PAPER_METRICS
+from hj_cosim.metrics.declared_prediction import PREDICTION_METRICS
 
 
 def test_no_name_is_declared_twice():
     names = [
         entry.name
-        for entry in (*FACTS, *TIMING, *PAPER_METRICS, *DRIVING_METRICS, *FILTER_METRICS, *METRICS_OF_MANY_EPISODES)
+        for entry in (
+            *FACTS,
+            *TIMING,
+            *PAPER_METRICS,
+            *DRIVING_METRICS,
+            *FILTER_METRICS,
+            *PREDICTION_METRICS,
+            *METRICS_OF_MANY_EPISODES,
+        )
     ]
     assert len(names) == len(set(names))
     assert set(METRICS) | {fact.name for fact in (*FACTS, *TIMING)} == set(names)

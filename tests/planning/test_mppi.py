@@ -103,7 +103,7 @@ def _scene(random: np.random.Generator, cars: int = 6) -> Others:
 
 
 @pytest.mark.parametrize("gamma_r", [0.9, 1.0])
-def test_a_sample_is_worth_its_rewards_less_its_costs_up_to_a_crash(small_table, gamma_r):
+def test_a_sample_is_worth_its_rewards_less_its_costs_up_to_a_crash(sized_table, gamma_r):
     random = np.random.default_rng(4)
     settings = PlannerSettings(gamma_r=gamma_r)
     reward = reward_model(settings, ROAD)
@@ -131,8 +131,11 @@ def test_a_sample_is_worth_its_rewards_less_its_costs_up_to_a_crash(small_table,
                     )
                 )
             ]
-            states = [[x - others.x[k, j], y - others.y[k, j], heading, speed, others.speed[k, j]] for j in in_sight]
-            least = small_table.value(np.array(states)).min() if states else math.inf
+            least = math.inf
+            for j in in_sight:
+                is_car = others.length[j] <= 5.0 and others.width[j] <= 2.0  # the rest are up to 12 x 2.5 m
+                state = [x - others.x[k, j], y - others.y[k, j], heading, speed, others.speed[k, j]]
+                least = min(least, float(sized_table.by_size[0 if is_car else 1].value(np.array(state))[0]))
             total = gamma_r * (0.4 * (speed - 15.0) / 15.0 + y / 4.0 / 3.0)
             total += (1.0 - gamma_r) * min(max(least, -8.0), 8.0)
             omega, acceleration = controls[k - 1]
@@ -141,13 +144,13 @@ def test_a_sample_is_worth_its_rewards_less_its_costs_up_to_a_crash(small_table,
             expected += weight * ((total - reward.lowest) / reward.span - cost)
             weight *= 0.98
         crashes += crashed
-        assert worth(path, controls, outlook, small_table.arrays) == pytest.approx(expected, abs=1e-6)
+        assert worth(path, controls, outlook, sized_table.stack) == pytest.approx(expected, abs=1e-6)
     assert 5 < crashes < 55
 
 
 def test_the_others_follow_each_other_and_the_robot_as_it_last_planned():
     driver = mean_driver(DriverSettings())
-    habits = Habits(driver, 4.0 / 3.0, 3.0)
+    habits = Habits(np.tile(driver, (8, 1)), 4.0 / 3.0, 3.0)
     start = {"x": [0.0, 30.0, 10.0, -30.0], "y": [4.0, 4.0, 10.0, 0.0], "speed": [24.0, 18.0, 20.0, 25.0]}
     shape = (11, 4)
     others = Others(np.empty(shape), np.empty(shape), np.empty(shape), np.full(4, 5.0), np.full(4, 2.0))

@@ -4,7 +4,8 @@ from hj_cosim.reachability.games.highway.other_car import disturbance_from
 from hj_cosim.reachability.games.highway.paths import game_from
 from hj_cosim.reachability.games.highway.target import formula_from
 from hj_cosim.reachability.packing import packed
-from hj_cosim.reachability.table.lookup import table_from, value_and_gradient_at
+from hj_cosim.reachability.table.lookup import value_and_gradient_at
+from hj_cosim.reachability.table.stack import table_in
 
 
 def numbered(kind: type, flags: tuple[str, ...] = ()):
@@ -29,7 +30,7 @@ def test_a_formula_an_assumption_and_a_game_come_back_as_they_were(small_table):
 
 
 def test_a_table_comes_back_as_it_was(small_table):
-    again = table_from(*small_table.packed)
+    again = table_in(*small_table.stack, 0)
     for name, was in small_table.arrays._asdict().items():
         assert np.array_equal(getattr(again, name), was), name
     one, other = np.empty(5), np.empty(5)

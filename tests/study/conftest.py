@@ -65,7 +65,7 @@ def conduct_synthetic(
         place = tmp_path / name
         folder = StudyFolder.of(place, resumed_study(place, given)) if resume else study_folder(name, **given)
         folder.begin({"hj-cosim": version}, resume=resume)
-        tables = dict.fromkeys(folder.tables, table)
+        tables = dict.fromkeys(folder.tables, (table,))
         return conduct(folder, engine or InThisProcess(), function=function, tables=tables, progress=progress)
 
     return conduct_it

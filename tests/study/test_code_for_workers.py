@@ -12,6 +12,7 @@ from hj_cosim.locations import read_code_from
 from hj_cosim.plugins import PLANNER, find_plugin
 from hj_cosim.reachability.games import double_integrator
 from hj_cosim.reachability.games.catalogue import find_game
+from hj_cosim.reachability.table.size_classes import CAR
 from hj_cosim.reachability.table.store import kept_table, load_table, read_table
 from hj_cosim.study import cluster, driving
 from hj_cosim.study.jobs import EpisodeJob
@@ -73,5 +74,5 @@ def test_a_worker_reads_the_table_of_a_game_of_ones_own_by_its_specification(job
     solved = load_table(job.config.table)
     with pytest.raises(TableError, match="not run because a table says so"):
         read_table(job.table.path)
-    read = driving._load_table(job.table.path, job.table.specification.model_dump_json())
+    read = driving._load_tables(((job.table.path, job.table.specification.model_dump_json(), CAR),))
     assert read.values.tobytes() == solved.values.tobytes()

@@ -30,7 +30,7 @@ path, way, given = Path(sys.argv[1]), sys.argv[2], json.loads(sys.argv[3])
 resume = (path / "study.toml").is_file()
 folder = StudyFolder.of(path, resumed_study(path, {}) if resume else new_study(given))
 folder.begin({"hj-cosim": "1.0"}, resume=resume)
-tables = dict.fromkeys(folder.tables, replace(kept_table("highway"), path=path.parent / "table.npz"))
+tables = dict.fromkeys(folder.tables, (replace(kept_table("highway"), path=path.parent / "table.npz"),))
 print("begun", flush=True)
 conduct(folder, LocalWorkers(2), function=getattr(synthetic_episodes, way), tables=tables)
 """

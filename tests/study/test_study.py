@@ -217,7 +217,7 @@ def test_a_sweep_is_resumed_by_its_folder_alone(conduct_synthetic, reproducible_
 def test_a_finished_study_that_is_resumed_stays_as_it_is(study_folder, tmp_path, asked, monkeypatch, synthetic):
     study_module = importlib.import_module("hj_cosim.study.study")
     monkeypatch.setattr(study_module, "drive_episode", synthetic.drive)
-    monkeypatch.setattr(study_module, "load_table", lambda name, progress, *, robot: None)
+    monkeypatch.setattr(study_module, "load_tables", lambda name, sizes, progress, *, robot: None)
     options = {"stacks": ["hjop-spc-mi", "op-none"], "episodes": 4, "workers": 1, "out": str(tmp_path / "study")}
     study = run_study(**options)
     before = {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in study.folder.rglob("*") if path.is_file()}

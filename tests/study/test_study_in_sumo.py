@@ -98,7 +98,7 @@ def conduct_in_sumo(few_cars, small_specification, tmp_path):
         tables = {}
         for key, config in folder.tables.items():
             load_table(config.table, robot=config.robot)
-            tables[key] = kept_table(config.table, config.robot)
+            tables[key] = (kept_table(config.table, config.robot),)
         return conduct(folder, LocalWorkers(1), function=function, tables=tables)
 
     return conduct_it

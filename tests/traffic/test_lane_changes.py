@@ -24,15 +24,13 @@ def test_the_decisions_are_those_on_the_sorted_arrays_put_back_in_place():
     deciding = random.random(count) < 0.3
     drivers = random.normal([24.0, 3.0, 5.0, 1.5, 5.0, 4.0], [2.0, 0.3, 0.5, 0.15, 0.5, 0.0], (count, 6))
     length = np.full(count, 5.0)
-    mobil = mobil_parameters(0.0, 0.2, 2.0)
+    mobil = np.array([mobil_parameters(*each) for each in random.uniform([0.0, 0.1, 1.0], [1.0, 0.4, 4.0], (count, 3))])
     order = np.arange(count)
     usable = np.column_stack([random.integers(0, 2, count), random.integers(2, 4, count)])
-    wanted = wanted_lanes(order, deciding, DrivingCars(position, speed, lane, lane, length, drivers), mobil, usable)
+    wanted = wanted_lanes(order, deciding, DrivingCars(position, speed, lane, lane, length, drivers, mobil), usable)
     by_position = np.argsort(position)
     expected = lane_decisions(
-        *(part[by_position] for part in (deciding, position, speed, lane, lane, length, drivers)),
-        mobil,
-        usable[by_position],
+        *(part[by_position] for part in (deciding, position, speed, lane, lane, length, drivers, mobil, usable)),
     )
     np.testing.assert_array_equal(wanted[by_position], expected)
     assert (wanted != lane).sum() > 3

@@ -7,7 +7,7 @@ from bent_roads import road_through
 from own_configurations import DEMAND, content, network, simulation
 
 from hj_cosim.errors import DriveEnded, NetworkError, ScenarioError, SimulationError
-from hj_cosim.settings import DriverSettings, OwnSimulationSettings, RobotSettings, Scenario
+from hj_cosim.settings import DriverSettings, OwnSimulationSettings, RobotSettings, RobotStart, Scenario
 from hj_cosim.traffic.junctions import read_junctions
 from hj_cosim.traffic.road_end import RoadEnd
 from hj_cosim.traffic.settling import follow_lane, robot_driver
@@ -241,7 +241,10 @@ def test_the_planner_is_told_what_is_known_of_those_near_by_their_types(tmp_path
         assert driver.max_acceleration.mean == pytest.approx(share * 1.3 + (1.0 - share) * 2.6)
         assert driver.desired_speed.mean == pytest.approx(share * 23.0 + (1.0 - share) * 33.0, abs=1.5)
         assert driver.max_acceleration.deviation == 0.0
-        assert "the planner predicts the others as MOBIL and IDM drivers with desired_speed" in world.told
+        assert (
+            "the planner predicts the others as MOBIL and IDM drivers by their types, on average with desired_speed"
+            in world.told
+        )
 
 
 def test_a_lorry_that_slides_into_the_next_lane_while_it_stands_is_not_turned_across_the_road(tmp_path):
@@ -278,3 +281,69 @@ def test_the_drive_ends_before_a_bend_that_takes_more_than_the_robot_keeps_for_b
         NetworkError, match=r"where the robot takes over there is a bend of radius 1\d\d m, and 200 m is"
     ):
         _before_sharp_bends(road, robot, 30.0, 650.0, end)
+
+
+def test_bodies_and_drivers_are_known_by_the_types_of_theirs(tmp_path):
+    with open_own(simulation(tmp_path / "theirs"), warm_up=60.0) as world:
+        assert world.bodies == {(4.5, 1.8), (14.0, 2.5)}
+        seen = world.observe()
+        lorries = seen.length == 14.0
+        assert lorries.any()
+        assert not lorries.all()
+        # IDM's desired speed is what the type and the lane (36 m/s) allow; SUMO's defaults are the rest.
+        assert (seen.expected_driver[lorries, 0] == 23.0).all()
+        assert (seen.expected_driver[~lorries, 0] > 23.0).all()
+        for number, driver in zip(seen.vehicle, seen.expected_driver, strict=True):
+            name = world.vehicle_names[number]
+            assert driver[1] == libsumo.vehicle.getAccel(name)
+            assert driver[4] == libsumo.vehicle.getMinGap(name)
+
+
+def open_inserted(configuration, warm_up: float = 40.0, own: dict | None = None, **robot: object) -> OwnWorld:
+    settings = OwnSimulationSettings(file=str(configuration), warm_up=warm_up, **(own or {}))
+    scenario = Scenario(name="mine", own=settings, robot=RobotStart(**robot))
+    return OwnWorld(scenario, RobotSettings(), 0, STEP, TRAFFIC_STEP)
+
+
+def test_a_robot_is_put_in_where_there_is_room_and_nobody_vanishes(tmp_path):
+    configuration = simulation(tmp_path / "theirs", lengths=(600.0, 400.0, 300.0))
+    with open_own(configuration, ego="cars.4", begin=40.0) as world:
+        others = set(libsumo.vehicle.getIDList()) - {ROBOT}
+    with open_inserted(configuration, edge="e0", lane=1, speed=21.0) as world:
+        assert set(libsumo.vehicle.getIDList()) - {ROBOT} == others | {"cars.4"}
+        seen = world.observe()
+        assert seen.robot[3] == 21.0
+        assert world.road.lane_at(seen.robot[1], seen.robot[0]) == 1
+        assert "is put in at 40 s, in lane e0_1, at 21.0 m/s" in world.told
+        assert world.road.length == pytest.approx(600.0 + 400.0 + 300.0 + 2 * 4.0)
+        ahead = seen.x - seen.robot[0]
+        here = np.abs(seen.y - seen.robot[1]) < 1.0
+        gaps = np.abs(ahead[here]) - 0.5 * (seen.length[here] + 5.0)
+        assert (gaps[ahead[here] > 0.0] >= 10.0 + 2.0 * 21.0 - 1e-6).all()
+        assert (gaps[ahead[here] < 0.0] >= 10.0).all()
+        followers = set()
+        for _, after in drive(world, 400, desired_speed=15.0):
+            behind = (after.x < after.robot[0]) & (np.abs(after.y - after.robot[1]) < 1.0)
+            followers |= set(after.vehicle[behind].tolist())
+            assert (np.abs(after.x - after.robot[0])[behind] > 4.0).all()
+        assert followers  # they see it, and keep behind
+
+
+@pytest.mark.parametrize(
+    ("robot", "message"),
+    [
+        ({"edge": "nowhere"}, r"robot\.edge = 'nowhere': the simulation's network has no such edge"),
+        ({"edge": "e0", "lane": 7}, r"robot\.lane = 7: edge 'e0' has the lanes 0 to 1"),
+    ],
+)
+def test_where_no_robot_can_be_put_in_is_said_in_a_sentence(tmp_path, robot, message):
+    with pytest.raises(ScenarioError, match=message):
+        open_inserted(simulation(tmp_path / "theirs"), **robot)
+
+
+def test_an_edge_of_theirs_makes_no_sense_beside_a_vehicle_or_in_a_scenario_of_ours(tmp_path):
+    own = OwnSimulationSettings(file=str(simulation(tmp_path / "theirs")), ego="cars.4")
+    with pytest.raises(ValueError, match="both say where the robot begins; keep one of them"):
+        Scenario(name="mine", own=own, robot=RobotStart(edge="e0"))
+    with pytest.raises(ValueError, match=r"robot\.edge is an edge of a user's own simulation"):
+        Scenario(name="mine", robot=RobotStart(edge="e0"))

@@ -8,13 +8,12 @@ import pytest
 from hj_cosim.errors import ScenarioError
 from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import CarStart, NormalDistribution, RobotSettings, RobotStart, Scenario, TrafficSettings
+from hj_cosim.traffic.sources.kinds import draw_drivers, truncated_normal
 from hj_cosim.traffic.sources.placement import (
     density,
-    draw_drivers,
     initial_traffic,
     mean_spacing,
     stream_speed,
-    truncated_normal,
 )
 from hj_cosim.traffic.sources.scenarios import load_scenario
 from hj_cosim.vehicles.car import CAR_LENGTH
@@ -111,11 +110,11 @@ def test_draws_have_the_stated_mean_and_deviation_and_stay_within_the_truncation
 
 def test_drivers_differ_in_everything_that_is_drawn_and_depend_on_the_seed_alone():
     scenario = load_scenario("paper")
-    drivers = draw_drivers(scenario, 500, np.random.default_rng(1))
+    drivers = draw_drivers(scenario.drivers, 500, np.random.default_rng(1))
     means = mean_driver(scenario.drivers)
     np.testing.assert_allclose(drivers.mean(axis=0), means, rtol=0.02)
     assert (drivers.std(axis=0)[:5] / means[:5] > 0.05).all()
-    again = draw_drivers(scenario, 500, np.random.default_rng(1))
+    again = draw_drivers(scenario.drivers, 500, np.random.default_rng(1))
     np.testing.assert_array_equal(drivers, again)
 
 

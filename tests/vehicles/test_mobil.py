@@ -78,13 +78,26 @@ def test_decisions_are_those_of_a_plain_version_of_the_paper(politeness):
         for car in range(len(position)):  # one decision at a time
             deciding = np.arange(len(position)) == car
             wanted = lane_decisions(
-                deciding, position, speed, lane, second_lane, np.full(40, LENGTH), drivers, mobil, lanes(40, 4)
+                deciding,
+                position,
+                speed,
+                lane,
+                second_lane,
+                np.full(40, LENGTH),
+                drivers,
+                all_have(mobil, 40),
+                lanes(40, 4),
             )
             expected = lane[car] if lane[car] != second_lane[car] else plain.decide(cars[car], 4)
             assert wanted[car] == expected
             assert np.array_equal(np.delete(wanted, car), np.delete(lane, car))
             changes += int(expected != lane[car])
     assert changes > 50
+
+
+def all_have(mobil: np.ndarray, cars: int) -> np.ndarray:
+    """Return that each of so many cars has the same parameters."""
+    return np.tile(mobil, (cars, 1))
 
 
 def lanes(cars: int, count: int) -> np.ndarray:
@@ -112,14 +125,14 @@ def test_two_cars_that_decide_at_once_do_not_take_the_same_gap():
         lane,
         np.full(4, LENGTH),
         drivers,
-        mobil_parameters(0.0, 0.2, 2.0),
+        all_have(mobil_parameters(0.0, 0.2, 2.0), 4),
         lanes(4, 3),
     )
     assert wanted.tolist() == [1, 2, 0, 2]
     alone = lane_decisions(
         np.array([False, True, False, False]),
-        position, speed, lane, lane, np.full(4, LENGTH), drivers, mobil_parameters(0.0, 0.2, 2.0),
-        lanes(4, 3),
+        position, speed, lane, lane, np.full(4, LENGTH), drivers,
+        all_have(mobil_parameters(0.0, 0.2, 2.0), 4), lanes(4, 3),
     )  # fmt: skip
     assert alone.tolist() == [0, 1, 0, 2]
 
@@ -131,7 +144,7 @@ def test_politeness_keeps_a_driver_from_a_change_that_costs_others_more():
     drivers = np.tile([25.0, 3.0, 5.0, 0.3, 2.0, 4.0], (3, 1))
 
     def wanted(politeness: float) -> int:
-        mobil = mobil_parameters(politeness, 0.2, 20.0)
+        mobil = all_have(mobil_parameters(politeness, 0.2, 20.0), 3)
         deciding = np.array([False, True, False])
         return lane_decisions(deciding, position, speed, lane, lane, np.full(3, LENGTH), drivers, mobil, lanes(3, 2))[1]
 
@@ -145,12 +158,12 @@ def test_nobody_wants_a_lane_that_it_may_not_use():
     usable[0] = [0, 0]
     wanted = lane_decisions(
         np.array([True, True, False, False]), position, speed, lane, lane, np.full(4, LENGTH), drivers,
-        mobil_parameters(0.0, 0.2, 2.0), usable,
+        all_have(mobil_parameters(0.0, 0.2, 2.0), 4), usable,
     )  # fmt: skip
     assert wanted.tolist() == [0, 1, 0, 2]
     usable[0], usable[1] = [0, 2], [2, 1]  # none at all
     wanted = lane_decisions(
         np.array([True, True, False, False]), position, speed, lane, lane, np.full(4, LENGTH), drivers,
-        mobil_parameters(0.0, 0.2, 2.0), usable,
+        all_have(mobil_parameters(0.0, 0.2, 2.0), 4), usable,
     )  # fmt: skip
     assert wanted.tolist() == [1, 2, 0, 2]

@@ -101,7 +101,7 @@ def _car_values(
     return (value, gradient, least, nearest) if known else (value, gradient, math.nan, NOBODY)
 
 
-# Ten parameters, likewise.
+# Ten parameters: likewise.
 @njit(cache=True)
 def _smooth_gradients(
     flat: np.ndarray,

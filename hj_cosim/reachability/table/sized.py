@@ -11,9 +11,7 @@ from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import RobotSettings
 
 
-def kept_tables(
-    name_or_path: str, robot: RobotSettings | None = None, sizes: Iterable[SizeClass] = (CAR,)
-) -> tuple[KeptTable, ...]:
+def kept_tables(name_or_path: str, robot: RobotSettings, sizes: Iterable[SizeClass] = (CAR,)) -> tuple[KeptTable, ...]:
     """Return which tables serve a robot among cars of some sizes, and where they are kept: that of cars first.
 
     A game that says nothing about sizes has one table for all.
@@ -49,7 +47,7 @@ def load_tables(
     sizes: Iterable[SizeClass],
     progress: Progress | None = None,
     *,
-    robot: RobotSettings | None = None,
+    robot: RobotSettings,
     announce: Callable[[str], None] | None = None,
 ) -> ValueTable:
     """Return the table of cars with those of larger ones; what is not solved is solved and kept, as by `load_table`.
@@ -71,7 +69,7 @@ def with_classes(
     name_or_path: str,
     sizes: Iterable[SizeClass],
     *,
-    robot: RobotSettings | None = None,
+    robot: RobotSettings,
     announce: Callable[[str], None] | None = None,
 ) -> ValueTable:
     """Return a robot's table with those of size classes that turn out to be met; itself where it has them.

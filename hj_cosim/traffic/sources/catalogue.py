@@ -90,6 +90,14 @@ def scenario_template() -> str:
         lines += [_line(name, field) for name, field in settings.model_fields.items()]
     lines += [
         "",
+        "# Kinds of vehicles beside cars of 5 x 2 m: repeat the tables. What is left out of their drivers is as above.",
+        "# [[vehicles]]",
+        "# share = 0.15  # of the drawn vehicles",
+        "# length = 16.5  # m",
+        "# width = 2.5  # m",
+        "# [vehicles.drivers]",
+        "# desired_speed = { mean = 22.0, deviation = 0.8 }",
+        "",
         "# Cars that come during the drive, where the road is a route: repeat the table.",
         "# [[streams]]",
         '# from_edge = "e0"',
@@ -103,6 +111,8 @@ def scenario_template() -> str:
         "# x = 40.0  # m ahead of the robot, from centre to centre; negative behind it",
         "# speed = 22.0",
         "# desired_speed = 22.0  # drawn like any driver's when left out",
+        "# length = 5.0",
+        "# width = 2.0",
     ]
     return "\n".join(lines) + "\n"
 

@@ -22,7 +22,7 @@ def estimated_driver(name: str) -> np.ndarray:
     vehicle = libsumo.vehicle
     desired_speed = min(vehicle.getMaxSpeed(name), vehicle.getAllowedSpeed(name))
     getters = (vehicle.getAccel, vehicle.getDecel, vehicle.getTau, vehicle.getMinGap)
-    return np.array([desired_speed, *(getter(name) for getter in getters), USUAL_EXPONENT])
+    return np.maximum([desired_speed, *(getter(name) for getter in getters), USUAL_EXPONENT], LEAST)
 
 
 def typical_driver(names: Sequence[str], otherwise: DriverSettings) -> DriverSettings:
@@ -34,7 +34,7 @@ def typical_driver(names: Sequence[str], otherwise: DriverSettings) -> DriverSet
     """
     if not names:
         return otherwise
-    mean = np.maximum(np.mean([estimated_driver(name) for name in names], axis=0), LEAST)
+    mean = np.mean([estimated_driver(name) for name in names], axis=0)
     known = dict(zip(PARAMETER_NAMES, mean.tolist(), strict=True))
     exponent = known.pop("exponent")
     certain = {name: NormalDistribution(mean=value, deviation=0.0) for name, value in known.items()}

@@ -23,7 +23,8 @@ from hj_cosim.traffic.sumo.puppet import GHOST, ROBOT, placement, without_ghost
 from hj_cosim.traffic.sumo.route_puppet import RoutePuppet
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo, log
 from hj_cosim.traffic.sumo.surroundings import Surroundings
-from hj_cosim.traffic.sumo.warm_up import TakeOver, quiet, resumed, warm_up
+from hj_cosim.traffic.sumo.take_over import TakeOver
+from hj_cosim.traffic.sumo.warm_up import quiet, resumed, warm_up
 from hj_cosim.traffic.sumo_lanes import LanePlace, SumoLanes
 from hj_cosim.vehicles.idm import PARAMETER_NAMES, mean_driver
 
@@ -86,7 +87,7 @@ class OwnWorld:
             folder = unless_built.enter_context(temporary_folder())
             unless_built.callback(self._close_session)
             own = copy_configuration(Path(scenario.own.file), folder)
-            taken = warm_up(own, scenario.own, read_junctions(own.network), seed, folder)
+            taken = warm_up(own, scenario, read_junctions(own.network), seed, folder, robot.length)
             self.road, lanes, end = _road_of(own, taken)
             place = _place_of(taken, lanes)
             start = place.start + place.scale * taken.position - robot.length
@@ -118,7 +119,8 @@ class OwnWorld:
         along = front - 0.5 * self._body.length
         libsumo.route.add(ROUTE, taken.route)
         _make_type(self._body)
-        libsumo.vehicle.remove(taken.vehicle)
+        if taken.vehicle:
+            libsumo.vehicle.remove(taken.vehicle)
         libsumo.vehicle.add(ROBOT, ROUTE, ROBOT)
         libsumo.vehicle.moveTo(ROBOT, taken.lane, taken.position)
         libsumo.vehicle.setPreviousSpeed(ROBOT, taken.speed)
@@ -242,7 +244,7 @@ def _place_of(taken: TakeOver, lanes: SumoLanes) -> LanePlace:
     place = lanes.by_name.get(taken.lane)
     if place is None or place.beside is not None:
         raise ScenarioError(
-            f"vehicle {taken.vehicle!r} is in lane {taken.lane!r}, which its road leaves; name another one with"
+            f"the robot would begin in lane {taken.lane!r}, which its road leaves; name another vehicle with"
             " scenario.own.ego (--ego)"
         )
     return place
@@ -296,9 +298,10 @@ def _notes(own: OwnConfiguration, taken: TakeOver, traffic_step: float, end: Roa
         f"{name} {value:.3g}" for name, value in zip(PARAMETER_NAMES, mean_driver(predicted), strict=True)
     )
     chosen = [
-        f"the robot takes over {taken.vehicle} at {taken.time:g} s, in lane {taken.lane}, at {taken.speed:.1f} m/s",
+        f"the robot {'takes over ' + taken.vehicle if taken.vehicle else 'is put in'} at {taken.time:g} s, in lane"
+        f" {taken.lane}, at {taken.speed:.1f} m/s",
         f"its way has {len(taken.edges)} edges, {end.along:.0f} m of road, up to the {end.reason}",
-        f"the planner predicts the others as MOBIL and IDM drivers with {driver}",
+        f"the planner predicts the others as MOBIL and IDM drivers by their types, on average with {driver}",
     ]
     overridden = [f"step-length {own.step:g} -> {traffic_step:g}: cars are where they are seen"]
     overridden += [

@@ -13,6 +13,7 @@ from traci import constants
 from hj_cosim.scene.observation import Observation
 from hj_cosim.scene.road import Road
 from hj_cosim.traffic.sumo.between_steps import BetweenSteps, Motion
+from hj_cosim.traffic.sumo.known_drivers import estimated_driver
 from hj_cosim.traffic.sumo.session import libsumo
 from hj_cosim.traffic.sumo_lanes import SumoLanes
 from hj_cosim.vehicles.idm import PARAMETER_NAMES
@@ -73,7 +74,7 @@ class Surroundings:
         self._seen: dict[int, _Seen] = {}
         self._acceleration: dict[int, float] = {}
         self._between: tuple[np.ndarray, BetweenSteps] | None = None
-        self._targets: dict[int, int] = {}
+        self._expected: dict[int, tuple[str, np.ndarray]] = {}  # of whom and where: a lane has its own speed
 
     @property
     def drivers(self) -> np.ndarray:
@@ -93,7 +94,9 @@ class Surroundings:
             number = self._numbers.get(name)
             one = self._place(told[name], name, None if number is None else before.get(number), duration)
             if one is not None:
-                seen[self._number(name) if number is None else number] = one
+                number = self._number(name) if number is None else number
+                seen[number] = one
+                self._look_at_driver(number, name, str(told[name][constants.VAR_LANE_ID]))
         self._seen = dict(sorted(seen.items()))
         if duration is None:
             self._acceleration = dict.fromkeys(self._seen, 0.0)
@@ -116,6 +119,12 @@ class Surroundings:
                 np.flatnonzero(on_other_roads),
             ),
         )
+
+    def _look_at_driver(self, number: int, name: str, lane: str) -> None:
+        """Find out what can be expected of somebody's driver in a lane, unless that is known."""
+        known = self._expected.get(number)
+        if known is None or known[0] != lane:
+            self._expected[number] = lane, estimated_driver(name)
 
     def observe(self, time: float, robot: np.ndarray, robot_acceleration: float, elapsed: float) -> Observation:
         """Return what the robot sees; `elapsed` as for Fleet.observe."""
@@ -140,6 +149,9 @@ class Surroundings:
             target_lane=np.array([self._seen[number].target_lane for number in numbers.tolist()], dtype=np.int64),
             length=bodies[:, 0],
             width=bodies[:, 1],
+            expected_driver=np.array([self._expected[number][1] for number in numbers.tolist()]).reshape(
+                -1, len(PARAMETER_NAMES)
+            ),
         )
 
     def is_beside(self, robot: np.ndarray, length: float, lanes: Sequence[int]) -> bool:

@@ -8,62 +8,39 @@ from pathlib import Path
 import numpy as np
 
 from hj_cosim.errors import ScenarioError, SimulationError
-from hj_cosim.settings import OwnSimulationSettings, shown
+from hj_cosim.settings import OwnSimulationSettings, Scenario, shown
 from hj_cosim.traffic.junctions import Junctions
 from hj_cosim.traffic.net_file import CAR_CLASS
 from hj_cosim.traffic.sources.own_configuration import OwnConfiguration
+from hj_cosim.traffic.sumo.insertion import inserted
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo
+from hj_cosim.traffic.sumo.take_over import TakeOver, edges_behind
 
 SHORTEST_WAY = 300.0  # m, ahead of a vehicle that is taken over unasked
 FAR_ENOUGH = 0.8  # of the longest way ahead: among these a seed chooses
 LATER = 60.0  # s, by which the robot takes over later than without a seed, at most
 SEARCHED_EVERY, EGO_SEARCHED_EVERY = 10.0, 1.0  # s
 LONGEST_SEARCH, LONGEST_SIMULATION = 1800.0, 86400.0  # s
-BEHIND = 500.0  # m of road behind a vehicle that is taken over, at most with as many edges as
-MOST_EDGES_BEHIND = 50
 _NAMES_SHOWN = 8
 
 
-@dataclass(frozen=True)
-class TakeOver:
-    """The instant at which the robot takes a vehicle's place.
-
-    Attributes:
-        time: s, of the simulation.
-        state: the file that SUMO saved.
-        vehicle: whose place it is.
-        route: its way from there, in SUMO.
-        behind: the edges before, as far as they are a road, on which others come up from behind.
-        edges: the first of its route, as far as they are a road.
-        obstacle: what is behind their end; None if the way itself ends there.
-        lane: SUMO's name of its lane.
-        position: m, of its front bumper along the lane.
-        speed: m/s.
-    """
-
-    time: float
-    state: Path
-    vehicle: str
-    route: tuple[str, ...]
-    behind: tuple[str, ...]
-    edges: tuple[str, ...]
-    obstacle: str | None
-    lane: str
-    position: float
-    speed: float
-
-
 def warm_up(
-    own: OwnConfiguration, wish: OwnSimulationSettings, junctions: Junctions, seed: int, folder: Path
+    own: OwnConfiguration,
+    scenario: Scenario,
+    junctions: Junctions,
+    seed: int,
+    folder: Path,
+    length: float,
 ) -> TakeOver:
     """Run a user's simulation until a vehicle can be taken over, and save it.
 
     Args:
         own: the simulation.
-        wish: when, and whose place.
+        scenario: when, and whose place, or where the robot is put in.
         junctions: of its network.
         seed: SUMO's, and of the choice among the vehicles that go about as far as any.
         folder: for the state that is saved.
+        length: of the robot, m.
 
     Raises:
         ScenarioError: if no vehicle can be taken over, or not the one that is asked for.
@@ -74,7 +51,7 @@ def warm_up(
     try:
         words = ["sumo", "--configuration-file", str(own.copy), *quiet(session.warnings_file), *_exactly_saved(seed)]
         session.start(words, str(own.path))
-        return _search(own, wish, junctions, seed, state)
+        return _search(own, scenario, junctions, seed, state, length)
     except SUMO_ERRORS as error:
         raise SimulationError(f"SUMO failed while {own.path} warmed up: {' '.join(str(error).split())}") from error
     finally:
@@ -102,9 +79,9 @@ def resumed(own: OwnConfiguration, taken: TakeOver, seed: int) -> list[str]:
 
 
 def _search(
-    own: OwnConfiguration, wish: OwnSimulationSettings, junctions: Junctions, seed: int, state: Path
+    own: OwnConfiguration, scenario: Scenario, junctions: Junctions, seed: int, state: Path, length: float
 ) -> TakeOver:
-    simulation = libsumo.simulation
+    simulation, wish = libsumo.simulation, scenario.own
     start = _start(own, wish, seed)
     if start >= own.end:
         raise ScenarioError(
@@ -116,13 +93,19 @@ def _search(
     _run_until(start)
     refusal = "there is no vehicle"
     while True:
-        found = _choose(wish.ego, junctions, seed)
+        found: TakeOver | _Candidate | str | None
+        if scenario.robot.edge:
+            found = inserted(scenario.robot, length, junctions, state)
+        else:
+            found = _choose(wish.ego, junctions, seed)
         if isinstance(found, _Candidate):
+            found = _taken_over(found, junctions, state)
+        if isinstance(found, TakeOver):
             simulation.saveState(str(state))
-            return _taken_over(found, junctions, state)
+            return found
         if found is not None:
             refusal = found
-        if simulation.getTime() >= last or simulation.getMinExpectedNumber() == 0:
+        if simulation.getTime() >= last or (simulation.getMinExpectedNumber() == 0 and not scenario.robot.edge):
             raise ScenarioError(f"{own.path}, {start:.0f} to {simulation.getTime():.0f} s: {refusal}")
         _run_until(min(float(simulation.getTime()) + every, last))
 
@@ -142,23 +125,12 @@ def _start(own: OwnConfiguration, wish: OwnSimulationSettings, seed: int) -> flo
 def _taken_over(found: "_Candidate", junctions: Junctions, state: Path) -> TakeOver:
     vehicle, name = libsumo.vehicle, found.vehicle
     place, whole = vehicle.getRouteIndex(name), tuple(vehicle.getRoute(name))
-    behind: list[str] = []
-    length, edge = 0.0, found.edges[0]
-    for step in range(1, len(whole) + MOST_EDGES_BEHIND):
-        earlier = whole[place - step] if step <= place else junctions.before(edge)
-        if earlier is None or junctions.obstacle(earlier, edge) or earlier in (*behind, *found.edges):
-            break
-        behind.insert(0, earlier)
-        edge = earlier
-        length += libsumo.lane.getLength(f"{edge}_0")
-        if length > BEHIND:
-            break
     return TakeOver(
         time=float(libsumo.simulation.getTime()),
         state=state,
         vehicle=name,
         route=whole[place:],
-        behind=tuple(behind),
+        behind=edges_behind(junctions, found.edges, whole[:place]),
         edges=found.edges,
         obstacle=found.obstacle,
         lane=vehicle.getLaneID(name),
