@@ -55,5 +55,6 @@ def left_as_it_was(name: str, *given: Observation | CarValues) -> Iterator[None]
     yield
     for each, kept in zip(given, before, strict=True):
         for key, value in kept.items():
-            same = np.array_equal(getattr(each, key), value, equal_nan=True)
+            now = getattr(each, key)
+            same = now is None if value is None else np.array_equal(now, value, equal_nan=True)
             require(same, f"{name} wrote to {type(each).__name__}.{key}; what is handed over is not to be changed")

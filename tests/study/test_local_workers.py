@@ -13,7 +13,7 @@ from hj_cosim.study.results import is_complete
 @pytest.fixture
 def jobs(study_folder, tmp_path):
     folder = study_folder("study")
-    return folder.remaining_jobs(dict.fromkeys(folder.tables, tmp_path / "table.npz"))
+    return folder.remaining_jobs(dict.fromkeys(folder.tables, (tmp_path / "table.npz",)))
 
 
 def test_every_job_is_done_once(jobs, synthetic):

@@ -268,7 +268,7 @@ def test_how_far_a_study_is(study_folder, conduct_synthetic, synthetic):
     folder = study_folder("study", **A_SWEEP)
     folder.begin({"hj-cosim": "1.0"}, resume=False)
     assert study_progress(folder.path).text == "0 of 8 episodes"
-    for job in folder.remaining_jobs(dict.fromkeys(folder.tables, folder.path))[:3]:
+    for job in folder.remaining_jobs(dict.fromkeys(folder.tables, (folder.path,)))[:3]:
         synthetic.drive(job)
     unfinished = folder.path / "episodes" / "light" / f".0{UNFINISHED}x"
     unfinished.mkdir()
