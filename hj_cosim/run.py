@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from hj_cosim.control.belief.believing_filter import WORST_TABLE
 from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.cosim.configuration import resolve_config, stack_flags
 from hj_cosim.cosim.episode import Episode, Progress, run_in_sumo, write_episode
@@ -105,6 +106,8 @@ def run_episode(
     if folder is not None:
         require_free_folder(folder)
     value_table = load_table(config.table, tell.solving, robot=config.robot, announce=tell.announce)
+    if config.filter.priority == "belief":
+        load_table(WORST_TABLE, tell.solving, robot=config.robot, announce=tell.announce)
     episode = run_in_sumo(config, value_table, tell.driving, tell.announce)
     if folder is None:
         return episode

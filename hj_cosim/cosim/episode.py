@@ -225,7 +225,7 @@ def run_in_sumo(
         drivers = world.predicted if isinstance(world, OwnWorld) else config.scenario.drivers
         planner = make_planner(config.planner, config.robot, drivers, world.road, table)
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
-        audit = PromiseAudit(table.arrays, promises=isinstance(safety_filter, SafetyPreservingFilter))
+        audit = PromiseAudit(table.arrays, promises=type(safety_filter) is SafetyPreservingFilter)
         driven = drive(world, planner, safety_filter, table, config, audit, progress)
     wall_seconds = time.perf_counter() - started
     summary = summarize(driven.record, config, audit.summary() | fallback_summary(driven.diagnostics))

@@ -14,6 +14,7 @@ from typing import Any
 import pandas as pd
 
 from hj_cosim import __version__
+from hj_cosim.control.belief.believing_filter import WORST_TABLE
 from hj_cosim.errors import ConfigurationError, RunFolderError
 from hj_cosim.locations import given_path, runs_folder
 from hj_cosim.reachability.table.store import KeptTable, kept_table, load_table
@@ -177,6 +178,9 @@ def run_study(
         return read_study(folder.path)
     for config in driven.values():
         load_table(config.table, solving, robot=config.robot)
+    believing = (cell.config for cell in folder.design.cells if cell.config.filter.priority == "belief")
+    for robot in {config.robot for config in believing}:
+        load_table(WORST_TABLE, solving, robot=robot)
     return conduct(folder, engine, function=drive_episode, tables=kept, progress=progress)
 
 
