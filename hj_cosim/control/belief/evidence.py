@@ -18,7 +18,8 @@ KEEPS_LANE, CHANGES, AT_ODD_PACE, TAKES_ROOM = range(4)
 MOVING = 0.25  # m/s across the road, from which on a car does not keep its lane
 USUAL_PACE = (0.7, 1.6)  # m/s across the road, of a change of lane: of 3.5 m in 2 to 5 s
 NOTICE = 0.6  # of a lane's width between two lines of travel, nearer than which one follows the other
-REACH = 1.1  # of a lane's width: how far to the side a change begins to concern others
+BESIDE, REACH = 0.3, 1.1  # of a lane's width, between which to its side a change concerns others
+FARTHEST_BEHIND = 100.0  # m
 HARDEST_BRAKING = 9.0  # m/s², what SUMO's cars brake with at the most
 SAFE_BRAKING = 4.0  # m/s², MOBIL's b_safe: no change asks more of who is behind
 
@@ -39,30 +40,53 @@ def evidence_of(
     """
     count = len(cars.x)
     residual, across = np.empty(count), np.zeros(count, np.int64)
-    notice, reach = NOTICE * lane_width, REACH * lane_width
+    x, y, speed, length = cars.x, cars.y, cars.speed, cars.length
+    notice = NOTICE * lane_width
     for j in range(count):
-        sideways = cars.speed[j] * math.sin(cars.heading[j])
-        moves = abs(sideways) >= MOVING
-        gap, lead_speed, asked = math.inf, 0.0, 0.0
-        for i in range(-1, count):
-            if i == j:
-                continue
-            if i < 0:
-                x, y, v, length = robot[0], robot[1], robot[3], robot_length
-            else:
-                x, y, v, length = cars.x[i], cars.y[i], cars.speed[i], cars.length[i]
-            ahead, aside = x - cars.x[j], y - cars.y[j]
-            room = abs(ahead) - 0.5 * (length + cars.length[j])
-            if ahead > 0.0 and abs(aside) < notice and room < gap:
-                gap, lead_speed = room, v
-            if moves and abs(aside) < reach and abs(aside) >= 0.3 * lane_width and aside * sideways > 0.0:
-                if room <= 0.0:
-                    asked = HARDEST_BRAKING
-                elif ahead < 0.0 and room < 100.0:
-                    asked = max(asked, -max(idm_acceleration(v, room, cars.speed[j], driver), -HARDEST_BRAKING))
-        expected = max(idm_acceleration(cars.speed[j], gap, lead_speed, driver), -HARDEST_BRAKING)
+        gap, lead_speed = math.inf, 0.0
+        if robot[0] > x[j] and abs(robot[1] - y[j]) < notice:
+            gap, lead_speed = robot[0] - x[j] - 0.5 * (robot_length + length[j]), robot[3]
+        for i in range(count):
+            ahead = x[i] - x[j]
+            if ahead > 0.0 and abs(y[i] - y[j]) < notice:
+                room = ahead - 0.5 * (length[i] + length[j])
+                if room < gap:
+                    gap, lead_speed = room, speed[i]
+        expected = max(idm_acceleration(speed[j], gap, lead_speed, driver), -HARDEST_BRAKING)
         residual[j] = acceleration[j] - expected
-        if moves:
+        sideways = speed[j] * math.sin(cars.heading[j])
+        if abs(sideways) >= MOVING:
+            braking = _braking_asked(j, sideways, robot, robot_length, cars, driver, lane_width)
             usual = USUAL_PACE[0] <= abs(sideways) <= USUAL_PACE[1]
-            across[j] = TAKES_ROOM if asked > SAFE_BRAKING else CHANGES if usual else AT_ODD_PACE
+            across[j] = TAKES_ROOM if braking > SAFE_BRAKING else CHANGES if usual else AT_ODD_PACE
     return residual, across
+
+
+@njit(cache=True, error_model="numpy")
+def _braking_asked(
+    j: int,
+    sideways: float,
+    robot: np.ndarray,
+    robot_length: float,
+    cars: Cars,
+    driver: np.ndarray,
+    lane_width: float,
+) -> float:
+    """Return how hard those to whose line a car moves have to brake for it, at the most, m/s²."""
+    asked = 0.0
+    for i in range(-1, len(cars.x)):
+        if i == j:
+            continue
+        if i < 0:
+            x, y, speed, length = robot[0], robot[1], robot[3], robot_length
+        else:
+            x, y, speed, length = cars.x[i], cars.y[i], cars.speed[i], cars.length[i]
+        ahead, aside = x - cars.x[j], y - cars.y[j]
+        if aside * sideways <= 0.0 or not BESIDE * lane_width <= abs(aside) < REACH * lane_width:
+            continue
+        room = abs(ahead) - 0.5 * (length + cars.length[j])
+        if room <= 0.0:
+            return HARDEST_BRAKING
+        if ahead < 0.0 and room < FARTHEST_BEHIND:
+            asked = max(asked, -idm_acceleration(speed, room, cars.speed[j], driver))
+    return asked
