@@ -58,6 +58,13 @@ def test_one_independent_sample_is_bayes_by_hand():
     assert probability(after) == pytest.approx(posterior, rel=1e-9)
 
 
+def test_a_sample_soon_after_the_last_counts_for_the_share_that_is_new():
+    of = ASSUMED._replace(forgetting_time=1e12)
+    whole = log_likelihood_ratio(5.0, KEEPS_LANE, of)
+    assert updated(0.0, 5.0, KEEPS_LANE, 0.25 * of.independent_after, of) == pytest.approx(0.25 * whole)
+    assert updated(0.0, 5.0, KEEPS_LANE, 4.0 * of.independent_after, of) == pytest.approx(whole)
+
+
 def test_unseen_belief_decays_to_the_prior_as_the_two_state_chain_does():
     belief, step, seconds = 0.9, 1e-3, 20.0
     begins, ends = ASSUMED.prior / ASSUMED.forgetting_time, (1.0 - ASSUMED.prior) / ASSUMED.forgetting_time
@@ -109,6 +116,7 @@ def test_residual_is_beside_idm_behind_the_nearest_in_the_lane_the_robot_include
         (8.0, -1.0, TAKES_ROOM),  # 3 m ahead of the robot's front
         (8.0, 1.0, CHANGES),  # away from it
         (2.0, -1.0, TAKES_ROOM),  # beside it
+        (-2.0, -1.0, TAKES_ROOM),  # beside it, and nobody is behind
         (-60.0, -1.0, CHANGES),
     ],
 )

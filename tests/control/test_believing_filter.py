@@ -10,7 +10,7 @@ from hj_cosim.control.catalogue import make_filter
 from hj_cosim.control.spc.filter import SafetyPreservingFilter
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.reachability.games.catalogue import find_game
-from hj_cosim.reachability.table.cars import car_values
+from hj_cosim.reachability.table.cars import car_values, rows_of_cars, smooth_gradients
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Control
 from hj_cosim.scene.road import StraightRoad
@@ -59,6 +59,19 @@ def test_a_suspected_cars_row_is_that_of_the_table_against_the_worst(table, lowe
     assert late.diagnostics[SUSPECTS] == 1.0
     assert late.rows.value == pytest.approx(car_values(lower_table, observation).value)
     assert late.constraints == 1
+
+
+def test_a_suspected_cars_smooth_slopes_are_those_of_the_table_against_the_worst(table, lower_table):
+    _, believing = both(table, FilterSettings(priority="belief", suspect_weight=1.0, smooth_gradient=True))
+    observation, decision = asked(believing, table, [(15.0, 2.2, 0.0, 20.0)], [-6.0], 6.0)
+    values = car_values(lower_table, observation)
+    slopes = smooth_gradients(lower_table, observation, values)
+    _, rows = rows_of_cars(lower_table, observation, values.value, slopes, 2.0)
+    kept = np.argmin(np.abs(rows[[1, 5], 0] - decision.rows.p[0]))  # of V, or of what may be kept instead
+    assert decision.rows.p[0] == pytest.approx(rows[1 + 4 * kept, 0])
+    assert decision.rows.q[0] == pytest.approx(rows[2 + 4 * kept, 0])
+    of_others = smooth_gradients(table, observation, car_values(table, observation))
+    assert np.abs(of_others - slopes).max() > 1e-3
 
 
 def test_weight_scales_a_suspected_cars_row_and_nobody_elses(table, lower_table):
