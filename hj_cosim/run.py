@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from hj_cosim.control.belief.believing_filter import WORST_TABLE
 from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.cosim.configuration import resolve_config, stack_flags
 from hj_cosim.cosim.episode import Episode, Progress, run_in_sumo, write_episode
@@ -19,6 +20,7 @@ from hj_cosim.planning.contract import Planner
 from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
 from hj_cosim.reachability.table.size_classes import classes_met
 from hj_cosim.reachability.table.sized import load_tables
+from hj_cosim.reachability.table.store import load_table
 from hj_cosim.recording.run_folder import require_free_folder
 from hj_cosim.settings import EpisodeConfig, Scenario, overlay
 from hj_cosim.traffic.sources.scenarios import scenario_data, scenario_path
@@ -107,6 +109,8 @@ def run_episode(
         require_free_folder(folder)
     sizes = classes_met(config.scenario.bodies)
     value_table = load_tables(config.table, sizes, tell.solving, robot=config.robot, announce=tell.announce)
+    if config.filter.priority == "belief":
+        load_table(WORST_TABLE, tell.solving, robot=config.robot, announce=tell.announce)
     episode = run_in_sumo(config, value_table, tell.driving, tell.announce)
     if folder is None:
         return episode

@@ -2,7 +2,10 @@
 
 from dataclasses import fields
 
+from hj_cosim.control.belief.believing_filter import BelievingFilter
 from hj_cosim.control.contract import FilterInputs, SafetyFilter
+from hj_cosim.control.spc.filter import SafetyPreservingFilter
+from hj_cosim.errors import ConfigurationError
 from hj_cosim.plugins import FILTER, construct, find_plugin, options_of
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.road import Road
@@ -28,6 +31,12 @@ def make_filter(
         PluginError: if it cannot be imported or made.
     """
     plugin = find_plugin(FILTER, settings.kind)
+    if settings.priority == "belief":
+        if plugin is not SafetyPreservingFilter:
+            raise ConfigurationError(
+                f"filter.priority = 'belief' is of filter spc; {settings.kind} has no rows to weigh: leave it equal"
+            )
+        plugin = BelievingFilter
     inputs = FilterInputs(
         settings=settings,
         options=options_of(FILTER, plugin, settings.options),

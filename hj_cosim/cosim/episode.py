@@ -241,7 +241,7 @@ def run_in_sumo(
         drivers = world.predicted if isinstance(world, OwnWorld) else config.scenario.drivers
         planner = make_planner(config.planner, config.robot, drivers, world.road, table)
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
-        audit = PromiseAudit(table.stack, promises=isinstance(safety_filter, SafetyPreservingFilter))
+        audit = PromiseAudit(table.stack, promises=type(safety_filter) is SafetyPreservingFilter)
         foresight = ForesightAudit(config.planner, config.robot, drivers, world.road, table)
         driven = drive(world, planner, safety_filter, table, config, audit, progress, foresight)
     wall_seconds = time.perf_counter() - started

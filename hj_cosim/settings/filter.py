@@ -55,6 +55,14 @@ class FilterSettings(Settings):
         False,
         description="SPC's control gives way to an escaping manoeuvre where it would leave none; not in the paper",
     )
+    priority: Literal["equal", "belief"] = Field(
+        "equal",
+        description="equal: all cars are taken for what the table's game assumes; belief: of those whose driving so far"
+        " says that they mean harm, SPC assumes the worst (table highway_worst)",
+    )
+    suspect_weight: Number = Field(
+        0.3, gt=0, description="by belief: how much missing a suspected car's row counts where all cannot be met"
+    )
     solver: Backend = Field(
         "daqp",
         description="of the filter's problem, one of qpsolvers' or this project's own enumeration, which is exact and"

@@ -14,11 +14,12 @@ from typing import Any
 import pandas as pd
 
 from hj_cosim import __version__
+from hj_cosim.control.belief.believing_filter import WORST_TABLE
 from hj_cosim.errors import ConfigurationError, RunFolderError
 from hj_cosim.locations import given_path, runs_folder
 from hj_cosim.reachability.table.size_classes import classes_met
 from hj_cosim.reachability.table.sized import kept_tables, load_tables
-from hj_cosim.reachability.table.store import KeptTable
+from hj_cosim.reachability.table.store import KeptTable, load_table
 from hj_cosim.recording.study_files import (
     CLAIMS_TABLE,
     COMPARISON,
@@ -182,6 +183,9 @@ def run_study(
         return read_study(folder.path)
     for config in driven.values():
         load_tables(config.table, classes_met(config.scenario.bodies), solving, robot=config.robot)
+    believing = (cell.config for cell in folder.design.cells if cell.config.filter.priority == "belief")
+    for robot in {config.robot for config in believing}:
+        load_table(WORST_TABLE, solving, robot=robot)
     return conduct(folder, engine, function=drive_episode, tables=kept, progress=progress)
 
 

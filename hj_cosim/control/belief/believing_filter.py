@@ -1,0 +1,97 @@
+"""SPC that assumes the worst of the cars which it suspects, and of the others what the table's game does."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from hj_cosim.control.belief.watcher import Watcher
+from hj_cosim.control.contract import FilterDecision
+from hj_cosim.control.problem.safety_problem import SafetyRows
+from hj_cosim.control.spc.approach import binding_rows
+from hj_cosim.control.spc.filter import SafetyPreservingFilter
+from hj_cosim.reachability.table.cars import car_values, rows_of_cars, smooth_gradients
+from hj_cosim.reachability.table.store import load_table
+from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.scene.observation import CarValues, Control, Observation
+from hj_cosim.scene.road import Road
+from hj_cosim.settings import FilterSettings, RobotSettings
+
+WORST_TABLE = "highway_worst"  # of value_tables/: against anything that a car's limits allow
+SUSPECTS = "suspected cars"  # diagnostics: how many, summed over the drive
+
+
+@cache
+def _worst_table(robot: RobotSettings) -> ValueTable:
+    """Return the table against the worst, solved first if it has not been; once a process."""
+    return load_table(WORST_TABLE, robot=robot)
+
+
+class BelievingFilter(SafetyPreservingFilter):
+    """SPC whose rows about suspected cars are those of the game against the worst.
+
+    V against the worst is nowhere above V among cars that do their duties. So a suspected car's row appears earlier and
+    asks for more; from a state with V > ε of that game it promises of that car what that game does. A car that becomes
+    suspected where V of that game is below already gets a row all the same, that it does not fall further.
+
+    Args:
+        settings, robot, table, step: as of SafetyPreservingFilter.
+        road: whose lanes ordinary drivers keep to.
+    """
+
+    def __init__(
+        self, settings: FilterSettings, robot: RobotSettings, road: Road, table: ValueTable, step: float
+    ) -> None:
+        super().__init__(settings, robot, table, step)
+        self._worst = _worst_table(robot)
+        self._weight = settings.suspect_weight
+        self._watcher = Watcher(robot.length, road.lane_width)
+        self._suspected = np.empty(0, np.bool_)
+
+    def prepare(self, observation: Observation, values: CarValues) -> None:
+        """Compile; see SafetyPreservingFilter."""
+        super().prepare(observation, values)
+        Watcher(1.0, 1.0).see(observation)
+        car_values(self._worst, observation)
+
+    def belief(self, observation: Observation) -> np.ndarray:
+        """Return the probability of each car that its driver means harm, (J,), as of the last look."""
+        return self._watcher.belief(observation.vehicle)
+
+    def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
+        """Return the control nearest to the desired one under the rows of all cars; see SafetyFilter."""
+        self._watcher.see(observation)
+        self._suspected = self._watcher.suspected(observation.vehicle)
+        if not self._suspected.any():
+            return super().filter(observation, values, desired)
+        decision = super().filter(observation, self._assumed(observation, values), desired)
+        return replace(decision, diagnostics={**decision.diagnostics, SUSPECTS: float(self._suspected.sum())})
+
+    def _assumed(self, observation: Observation, values: CarValues) -> CarValues:
+        """Return the values with those of the suspected cars against the worst."""
+        worst = car_values(self._worst, observation)
+        value = np.where(self._suspected, worst.value, values.value)
+        gradient = np.where(self._suspected[:, None], worst.gradient, values.gradient)
+        nearest = int(np.argmin(value))
+        return CarValues(value, gradient, float(value[nearest]), nearest)
+
+    def _rows(
+        self, observation: Observation, values: CarValues, desired: Control, available: np.ndarray
+    ) -> SafetyRows | None:
+        if not self._suspected.any():
+            return super()._rows(observation, values, desired, available)
+        found = []
+        for table, which in ((self._table, ~self._suspected), (self._worst, self._suspected)):
+            of_these = replace(values, value=np.where(which, values.value, np.inf))
+            gradient = smooth_gradients(table, observation, of_these) if self._smooth else values.gradient
+            found.append(rows_of_cars(table, observation, of_these.value, gradient, self._bound))
+        cars = np.concatenate([found[0][0], found[1][0]])
+        rows = np.hstack([found[0][1], found[1][1]])
+        kept, bound = binding_rows(
+            rows, self._epsilon, self._recovery, self._approach, available, desired.omega, desired.acceleration
+        )
+        value, p, q, c = bound
+        # What a row is missed by counts as often as its weight says where all cannot be met.
+        weight = np.where(self._suspected[cars[kept]], self._weight, 1.0)
+        rows_found = SafetyRows(observation.vehicle[cars[kept]], value, weight * p, weight * q, weight * c)
+        return rows_found if rows_found.are_possible else None
