@@ -1,4 +1,4 @@
-"""A run's trajectories in other forms: CSV, plain Parquet, and SUMO's FCD XML, the texts compressed if asked for.
+"""A run's trajectories in other forms: CSV, plain Parquet, highD's CSVs, and SUMO's FCD XML, texts compressed if asked.
 
 All stream row group by row group, so that a long drive of many cars needs little memory.
 """
@@ -6,7 +6,7 @@ All stream row group by row group, so that a long drive of many cars needs littl
 import gzip
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any
@@ -18,20 +18,30 @@ import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet as pq
 
+from hj_cosim.analysis.highd import RECORDING_META, TRACKS, TRACKS_META, write_highd
 from hj_cosim.errors import OutputError, RunFolderError
 from hj_cosim.files import whole_file
 from hj_cosim.locations import given_path
+from hj_cosim.recording.record import ROBOT_NAME
 from hj_cosim.recording.run_bounds import open_columns
 from hj_cosim.recording.run_folder import TRAJECTORIES, read_config, require_not_own_file, road_of
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import shown
 
 # What each format's file is called when no name is given.
-DEFAULT_NAMES = {"csv": "trajectories.csv", "parquet": "trajectories.plain.parquet", "fcd": "trajectories.fcd.xml"}
+DEFAULT_NAMES = {
+    "csv": "trajectories.csv",
+    "parquet": "trajectories.plain.parquet",
+    "fcd": "trajectories.fcd.xml",
+    "highd": f"01{TRACKS}",
+}
 COLUMNS = ("time", "vehicle", "x", "y", "heading", "speed", "acceleration", "lane", "length", "width")
 
 
 _FORMATS_OF_SUFFIXES = {".csv": "csv", ".parquet": "parquet", ".xml": "fcd"}
+# What an FCD file's vehicle types are in, beside it: SUMO replays none that it does not know.
+TYPES = ".types.add.xml"
+OTHERS_TYPE = "DEFAULT_VEHTYPE"  # which SUMO knows without being told
 _OTHER_COMPRESSIONS = (".bz2", ".xz", ".zst", ".zip", ".7z", ".tgz", ".tar")
 
 
@@ -40,17 +50,19 @@ def export_run(folder: PathLike[str] | str, format: str | None = None, out: Path
 
     `csv` and `parquet` have the columns of trajectories.parquet, the names as plain strings, in compression that every
     reader knows. `fcd` is SUMO's floating car data: world coordinates of the middle of the front bumper, angles in
-    degrees clockwise from north, lane names, and positions along the lane; SUMO replays it
-    (`sumo-gui --net-file NET --step-length 0.02 --device.fcd-replay.file FILE`).
+    degrees clockwise from north, lane names, and positions along the lane. The robot has a type of its own, `robot`,
+    which a second file beside it defines (NAME.types.add.xml); with both, SUMO replays it
+    (`sumo-gui --net-file NET --step-length 0.02 --additional-files TYPES --device.fcd-replay.file FILE`).
+    `highd` is highD's three CSV files, 25 frames a second (analysis/highd.py).
 
     Args:
         folder: of the run.
-        format: `csv`, `parquet` or `fcd`; unless given, what the file's name says, or else `csv`.
+        format: `csv`, `parquet`, `fcd` or `highd`; unless given, what the file's name says, or else `csv`.
         out: the file, compressed with gzip if its name ends in .gz; in the run's folder under DEFAULT_NAMES unless
-            given.
+            given. Of highD's three it is NN_tracks.csv, and the others appear beside it.
 
     Returns:
-        The file that was written.
+        The file that was written, the first of those that are.
 
     Raises:
         ConfigurationError: if `folder` or `out` is no path.
@@ -58,29 +70,59 @@ def export_run(folder: PathLike[str] | str, format: str | None = None, out: Path
         RunFolderError: if the folder holds no run, or the file belongs to one.
         HjCosimError: if the file cannot be written.
     """
+    return export_files(folder, format, out)[0]
+
+
+def export_files(folder: PathLike[str] | str, format: str | None, out: PathLike[str] | str | None) -> list[Path]:
+    """Do as `export_run`, and return all files that were written."""
     folder = given_path(folder, "the run's folder")
     out = None if out is None else given_path(out, "out")
     kind = _format_of(format, out)
     target = folder / DEFAULT_NAMES[kind] if out is None else out
-    require_not_own_file(target)
+    written = [target, *_companions(target, kind)]
+    for path in written:
+        require_not_own_file(path)
     if not (folder / TRAJECTORIES).is_file():
         raise RunFolderError(f"{folder} holds no run: {TRAJECTORIES} is missing")
-    edge = read_config(folder)["scenario"]["network"]["edge"] if kind == "fcd" else ""
+    config = read_config(folder) if kind in ("fcd", "highd") else {}
     try:
         with open_columns(folder / TRAJECTORIES) as trajectories:
             _require_columns(trajectories.schema_arrow)
-            with whole_file(target) as temporary:
+            with ExitStack() as whole:
+                temporary, *beside = [whole.enter_context(whole_file(path)) for path in written]
                 if kind == "parquet":
                     _write_parquet(trajectories, temporary)
-                    return target
+                    return written
+                if kind == "highd":
+                    road, step = road_of(trajectories.schema_arrow), config["simulation"]["step"]
+                    write_highd(trajectories, road, step, _recording(target), (temporary, beside[0], beside[1]))
+                    return written
                 with _opened(temporary, compressed=target.suffix == ".gz") as file:
                     if kind == "csv":
                         _write_csv(trajectories, file)
                     else:
+                        edge = config["scenario"]["network"]["edge"]
                         _write_fcd(trajectories, file, road_of(trajectories.schema_arrow), edge)
+                        beside[0].write_text(_types(trajectories), encoding="utf-8")
     except (OSError, ValueError, KeyError) as error:  # pyarrow's errors are among these
         raise RunFolderError(f"{folder / TRAJECTORIES} is broken: {error}") from error
-    return target
+    return written
+
+
+def _companions(file: Path, kind: str) -> tuple[Path, ...]:
+    """Return the files that are written beside an export, of formats that take more than one."""
+    if kind == "highd":
+        return tuple(file.with_name(file.name.removesuffix(TRACKS) + end) for end in (TRACKS_META, RECORDING_META))
+    if kind == "fcd":
+        stem = file.name.removesuffix(".gz").removesuffix(".xml").removesuffix(".fcd")
+        return (file.with_name(stem + TYPES),)
+    return ()
+
+
+def _recording(tracks: Path) -> int:
+    """Return the number in the name of NN_tracks.csv; 1 where there is none."""
+    number = tracks.name.removesuffix(TRACKS)
+    return int(number) if number.isascii() and number.isdigit() else 1
 
 
 def _format_of(format: str | None, out: Path | None) -> str:
@@ -96,6 +138,10 @@ def _format_of(format: str | None, out: Path | None) -> str:
         return format or "csv"
     if out.suffix in _OTHER_COMPRESSIONS:
         raise OutputError(f"cannot write {out}: only gzip compresses an export, with a name that ends in .gz")
+    if format == "highd":
+        if not out.name.endswith(TRACKS):
+            raise OutputError(f"cannot write {out}: highD's first file is called NN{TRACKS}, for example 01{TRACKS}")
+        return format
     is_compressed = out.suffix == ".gz"
     implied = _FORMATS_OF_SUFFIXES.get((out.with_suffix("") if is_compressed else out).suffix)
     kind = format or implied
@@ -166,6 +212,17 @@ def _write_fcd(trajectories: pq.ParquetFile, file: IO[bytes], road: Road, edge: 
     file.write(b"</fcd-export>\n")
 
 
+def _types(trajectories: pq.ParquetFile) -> str:
+    """Return the additional file that defines the robot's type; the robot comes first at any time."""
+    first = next(_row_groups(trajectories)).slice(0, 1)
+    length, width = (first[name][0].as_py() for name in ("length", "width"))
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n\n<additional>\n'
+        f'    <vType id="{ROBOT_NAME}" vClass="passenger" length="{length!r}" width="{width!r}" color="orange"/>\n'
+        "</additional>\n"
+    )
+
+
 def _fcd_lines(rows: pa.Table, road: Road, edge: str) -> pa.Array:
     """Return FCD's line for each row; numbers are written so that they read back as the same doubles."""
     x, y, heading, length = (rows[name].to_numpy() for name in ("x", "y", "heading", "length"))
@@ -177,6 +234,7 @@ def _fcd_lines(rows: pa.Table, road: Road, edge: str) -> pa.Array:
     vehicle = rows["vehicle"].combine_chunks()
     names = vehicle.dictionary.to_pylist()
     identity = [f'        <vehicle id="{escape(name, {chr(34): "&quot;"})}" x="' for name in names]
+    types = [f'" type="{ROBOT_NAME if name == ROBOT_NAME else OTHERS_TYPE}" speed="' for name in names]
     columns: list[Any] = [
         pa.array(identity).take(vehicle.indices),
         _text(world_x),
@@ -184,8 +242,7 @@ def _fcd_lines(rows: pa.Table, road: Road, edge: str) -> pa.Array:
         _text(world_y),
         '" angle="',
         _text(angle),
-        # The type that SUMO knows without being told: so it replays the file as it is.
-        '" type="DEFAULT_VEHTYPE" speed="',
+        pa.array(types).take(vehicle.indices),
         rows["speed"].combine_chunks().cast(pa.string()),
         '" pos="',
         _text(front),

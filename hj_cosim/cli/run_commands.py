@@ -98,7 +98,8 @@ def run(
 def export(
     folder: RunFolder,
     format: Annotated[
-        str | None, typer.Option(help="csv, parquet or fcd (SUMO's floating car data XML); the file's name says it.")
+        str | None,
+        typer.Option(help="csv, parquet, fcd (SUMO's floating car data XML), which the file's name says too; highd."),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="The file to write, compressed if its name ends in .gz; by default in DIR.")
@@ -106,9 +107,9 @@ def export(
     as_json: Json = False,
 ) -> None:
     """Write a run's trajectories in another format."""
-    from hj_cosim.analysis.export import export_run
+    from hj_cosim.analysis.export import export_files
 
-    show_files([export_run(folder, format, out)], as_json)
+    show_files(export_files(folder, format, out), as_json)
 
 
 @app.command(epilog=example("hj-cosim figure value-slice", "hj-cosim figure highway --run runs/paper-hjop-spc-mi-0"))

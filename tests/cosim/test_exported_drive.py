@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import sumolib.xml
 
-from hj_cosim.analysis.export import export_run
+from hj_cosim.analysis.export import export_files, export_run
 from hj_cosim.control.catalogue import make_filter
 from hj_cosim.cosim.configuration import config_toml, resolve_config
 from hj_cosim.cosim.episode import drive
@@ -77,10 +77,11 @@ def test_the_drivers_file_has_everybodys_parameters(straddling_run):
 
 def test_sumo_replays_the_floating_car_data(straddling_run):
     """SUMO shows everybody where the file has them, some of them one of its steps later."""
-    path = export_run(straddling_run, "fcd", straddling_run / "replayed.xml")
+    path, types = export_files(straddling_run, "fcd", straddling_run / "replayed.xml")
     rows = pd.read_parquet(straddling_run / "trajectories.parquet").sort_values(["vehicle", "time"])
     network = scenarios_folder() / "four_lanes.net.xml"
-    options = ["--step-length", "0.02", "--no-step-log", "--no-warnings", "--device.fcd-replay.file", str(path)]
+    options = ["--step-length", "0.02", "--no-step-log", "--no-warnings", "--additional-files", str(types)]
+    options += ["--device.fcd-replay.file", str(path)]
     names = sorted(everybody())
     shown = np.full((len(names), SAMPLES, 2), np.nan)
     libsumo.start(["sumo", "--net-file", str(network), *options])
@@ -89,6 +90,8 @@ def test_sumo_replays_the_floating_car_data(straddling_run):
             libsumo.simulationStep()
             if step >= 2:
                 shown[:, step] = [libsumo.vehicle.getPosition(name) for name in names]
+        assert [name for name in names if libsumo.vehicle.getTypeID(name) == "robot"] == ["robot"]
+        assert libsumo.vehicle.getWidth("robot") == 2.0
     finally:
         libsumo.close()
     for name, places in zip(names, shown, strict=True):
