@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -44,6 +45,14 @@ def test_nobody_cuts_in_close_before_a_driver_whom_the_paper_s_planner_does_not_
     assert chosen(small_table, far, 3.0) == LEFT
 
 
+def test_what_is_polite_is_a_setting(small_table, observe):
+    scene = observe([(2, -40.0, 24.0)])
+    asked = imposed(small_table, scene, 2)
+    assert 1.0 < asked < 9.0
+    assert chosen(small_table, scene, asked + 0.01) == LEFT
+    assert chosen(small_table, scene, asked - 0.01) != LEFT
+
+
 def test_who_follows_in_the_lane_entered_brakes_as_idm_says_at_the_hardest_instant(small_table, observe):
     # The robot at 24 m/s, constant; a follower at 26 m/s that drives on until the robot is noticed, at 0.5 s.
     driver = mean_driver(DriverSettings())
@@ -60,12 +69,17 @@ def test_who_follows_in_the_lane_entered_brakes_as_idm_says_at_the_hardest_insta
 
 def test_whoever_is_overtaken_meanwhile_is_behind_too_and_who_stays_ahead_is_not(small_table, observe):
     assert imposed(small_table, observe([(2, 2.0, 15.0)]), 2) == 9.0  # alongside at the first instant
+    alongside_at_first_alone = observe([(2, -3.0, 2.0)])  # 3.5 m between bumpers at 0.25 s, 9 m at 0.5 s
+    assert imposed(small_table, alongside_at_first_alone, 2) == pytest.approx(
+        -idm_acceleration(2.0, 24.0 * 0.25 + 3.0 - 2.0 * 0.25 - 5.0, 24.0, mean_driver(DriverSettings())), abs=1e-3
+    )
     assert imposed(small_table, observe([(2, 30.0, 15.0)]), 2) == 0.0
 
 
 @pytest.mark.parametrize(
-    "cars", [[], [(0, -12.0, 24.0)], [(1, -60.0, 15.0)], [(3, -12.0, 24.0)], [(2, -12.0, 24.0)]],
-    ids=["nobody", "other side", "own lane", "two lanes away", "but the robot stays"],
+    "cars",
+    [[], [(0, -12.0, 24.0)], [(1, -9.0, 22.0), (2, 20.0, 10.0)], [(3, -12.0, 24.0)], [(0, 2.0, 15.0)], [(2, -12.0, 24.0)]],
+    ids=["nobody", "other side", "own lane", "two lanes away", "overtaken on the other side", "but the robot stays"],
 )  # fmt: skip
 def test_nothing_is_imposed_on_who_is_not_behind_in_a_lane_that_is_entered(small_table, observe, cars):
     lane = 1 if cars == [(2, -12.0, 24.0)] else 2
@@ -85,3 +99,10 @@ def test_a_robot_that_is_boxed_in_politely_still_has_a_plan(small_table, observe
     assert plan.action in (IDLE, 1, 2)
     assert math.isfinite(plan.statistics.best_value)
     assert np.isneginf(plan.statistics.action_values[LEFT])
+
+
+def test_a_change_that_is_under_way_may_be_gone_on_with(small_table, observe):
+    scene = observe([(2, -12.0, 24.0)])
+    under_way = replace(scene, robot=scene.robot + np.array([0.0, 0.6, 0.02, 0.0]))
+    plan = planner_of(small_table, 3.0).plan(under_way, Target(2, 24.0))
+    assert np.isfinite(plan.statistics.action_values[IDLE])

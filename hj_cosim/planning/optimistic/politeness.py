@@ -44,14 +44,9 @@ def braking_imposed(scene: Scene, robot: int, occupied: int, model: PredictionMo
     if entered == 0:
         return hardest
     place, end = scene.place, scene.robot_motion[POSITION, model.steps]
-    unseen = entered  # lanes whose nearest car behind is still to come
-    for car in range(robot - 1, -1, -1):
-        lanes = place[FOLLOWS_IN, car] & unseen
-        unseen &= ~lanes
-        if lanes != 0:
+    for car in range(robot):
+        if place[FOLLOWS_IN, car] & entered:
             hardest = max(hardest, _braking_behind(scene, robot, car, model))
-        if unseen == 0:
-            break
     for car in range(robot + 1, place.shape[1]):
         if scene.state[POSITION, car] >= end:  # nor is who is farther ahead overtaken
             break
