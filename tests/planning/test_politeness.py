@@ -78,9 +78,16 @@ def test_whoever_is_overtaken_meanwhile_is_behind_too_and_who_stays_ahead_is_not
 
 @pytest.mark.parametrize(
     "cars",
-    [[], [(0, -12.0, 24.0)], [(1, -9.0, 22.0), (2, 20.0, 10.0)], [(3, -12.0, 24.0)], [(0, 2.0, 15.0)], [(2, -12.0, 24.0)]],
+    [
+        [],
+        [(0, -12.0, 24.0)],
+        [(1, -9.0, 22.0), (2, 20.0, 10.0)],
+        [(3, -12.0, 24.0)],
+        [(0, 2.0, 15.0)],
+        [(2, -12.0, 24.0)],
+    ],
     ids=["nobody", "other side", "own lane", "two lanes away", "overtaken on the other side", "but the robot stays"],
-)  # fmt: skip
+)
 def test_nothing_is_imposed_on_who_is_not_behind_in_a_lane_that_is_entered(small_table, observe, cars):
     lane = 1 if cars == [(2, -12.0, 24.0)] else 2
     assert imposed(small_table, observe(cars), lane) == 0.0
