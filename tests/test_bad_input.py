@@ -189,7 +189,7 @@ COMMANDS = {
     ("export", "STRANGE", "--format", "fcd"): "unknown key 'colour'",
     ("figure", "timeline", "--run", "STRANGE"): "unknown key 'colour'",
     ("report", "STUDY"): "table.csv has no column scenario",
-    ("figure", "trade-off", "--study", "STUDY"): "windows.parquet",
+    ("figure", "trade-off", "--study", "STUDY"): "table.csv has no column planner",
     ("figure", "density-sweep", "--study", "STUDY"): "table.csv has no column scenario",
 }
 

@@ -50,7 +50,7 @@ def study_page(folder: Path, place: Path, progress: Progress, *, replays: bool =
     if replays:
         write_replays(episodes, progress)
     study = _StudyOnPage(table, episodes, place)
-    figures = {"trade-off": "Safety over performance in windows of ten seconds."}
+    figures = {"trade-off": "Safety over performance: 2D TTC over speed, with 95 % intervals."}
     if table.scenario.nunique() > 1:
         figures["density-sweep"] = "What denser traffic does."
     if {BEHAVIOUR, SHARE} <= set(table.columns):

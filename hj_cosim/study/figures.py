@@ -7,30 +7,31 @@ import pandas as pd
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
 from hj_cosim.analysis.figures.density_sweep import density_sweep
 from hj_cosim.analysis.figures.gallery import scenario_densities
+from hj_cosim.analysis.figures.stacks import varying_factors
 from hj_cosim.analysis.figures.style import save_drawing
 from hj_cosim.analysis.figures.trade_off import trade_off
 from hj_cosim.files import file_name
 from hj_cosim.study.tables import STACK_COLUMNS
 
 
-def draw_figures(study: Path, table: pd.DataFrame, windows: pd.DataFrame, figures: Path) -> None:
-    """Draw the paper's trade-off for each scenario and setting, and what density does if there are several scenarios.
+def draw_figures(study: Path, table: pd.DataFrame, figures: Path) -> None:
+    """Draw the trade-off for each scenario and setting, and what density does if there are several scenarios.
 
     Args:
         study: a study's folder with its episodes.
         table: table.csv's content.
-        windows: windows.parquet's content.
         figures: where to; made if it is not there.
     """
     figures.mkdir(exist_ok=True)
-    if windows.empty:
+    driven = table[table["episodes"] > 0]
+    if driven.empty:
         return
-    factors = list(windows.columns[: windows.columns.get_loc(STACK_COLUMNS[0])])
-    varying = [name for name in factors if windows[name].nunique() > 1]
+    factors = list(table.columns[: table.columns.get_loc(STACK_COLUMNS[0])])
+    varying = varying_factors(driven)
     if not varying:
-        save_drawing(trade_off(windows), figures / "trade-off.png")
+        save_drawing(trade_off(driven), figures / "trade-off.png")
         return
-    for values, own in windows.groupby(varying, sort=False):
+    for values, own in driven.groupby(varying, sort=False):
         name = "-".join(["trade-off", *(_part(key, value) for key, value in zip(varying, values, strict=True))])
         save_drawing(trade_off(own), figures / f"{name}.png")
     if {BEHAVIOUR, SHARE} <= set(factors):

@@ -308,7 +308,7 @@ def write_tables(folder: StudyFolder, failures: tuple[Failure, ...] = ()) -> Stu
     write_csv(pd.DataFrame(wall_times), folder.path / WALL_TIMES)
     write_parquet(episodes, folder.path / EPISODES_TABLE)
     write_parquet(windows, folder.path / WINDOWS)
-    draw_figures(folder.path, study.table, pd.DataFrame(windows), folder.path / FIGURES)
+    draw_figures(folder.path, study.table, folder.path / FIGURES)
     write_csv(study.table, folder.path / TABLE)  # the last: a study that has it has all others
     return study
 

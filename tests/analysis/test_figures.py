@@ -1,4 +1,3 @@
-import math
 from pathlib import Path
 
 import numpy as np
@@ -101,28 +100,25 @@ def test_chosen_controls_meet_their_half_planes_up_to_the_slack(run, table):
     assert (margin > -1e-4).all()
 
 
-def test_the_trade_off_has_every_stack_and_an_ellipse_for_each():
-    draw = np.random.default_rng(0)
-    windows = pd.DataFrame(
-        {
-            "planner": p,
-            "filter": f,
-            "scheme": s,
-            "mean_speed": draw.normal(22, 1),
-            "ttc_p1": draw.choice([5.0, math.inf]),
-        }
-        for p, f, s in STACKS
-        for _ in range(20)
+def test_the_trade_off_has_every_stack_and_its_intervals_of_speed_and_2d_ttc():
+    table = pd.DataFrame(
+        {"planner": p, "filter": f, "scheme": s, "mean_speed": 20.0 + n, "ttc_2d_p1": 3.0 - n}
+        | {"mean_speed_lo": 19.5 + n, "mean_speed_hi": 20.2 + n, "ttc_2d_p1_lo": 2.9 - n, "ttc_2d_p1_hi": 3.4 - n}
+        for n, (p, f, s) in enumerate(STACKS)
     )
-    drawing = trade_off(windows)
+    drawing = trade_off(table)
     axes = drawing.figure.axes[0]
     assert [text.get_text() for text in axes.get_legend().get_texts()] == [
         "HJOP + SPC + MI",
         "OP + RSS + SW",
         "OP + None",
     ]
-    assert len(axes.patches) == len(STACKS)
-    assert drawing.data.ttc_p1.max() == 30.0
+    assert len(axes.containers) == len(STACKS)
+    for n, bars in enumerate(axes.containers):
+        across, upright = (lines.get_segments()[0] for lines in bars.lines[2])
+        np.testing.assert_allclose(across, [[19.5 + n, 3.0 - n], [20.2 + n, 3.0 - n]])
+        np.testing.assert_allclose(upright, [[20.0 + n, 2.9 - n], [20.0 + n, 3.4 - n]])
+    assert len(drawing.data) == len(STACKS)
 
 
 def test_the_density_sweep_goes_from_light_to_dense():

@@ -41,7 +41,7 @@ def test_a_report_loads_nothing_from_anywhere_and_is_small(hostile_report):
 
 
 def test_a_study_s_report_holds_its_table_with_intervals(tmp_path):
-    metrics = ("mean_speed", "ttc_ge_3")
+    metrics = ("mean_speed", "ttc_ge_3", "ttc_2d_p1")
     rows = [
         {"scenario": "paper", "planner": planner, "filter": "spc", "scheme": "mi", "episodes": 2, "missing": 1}
         | {f"{metric}{end}": value for metric in metrics for end, value in (("", 0.5), ("_lo", 0.25), ("_hi", 0.75))}
@@ -50,18 +50,6 @@ def test_a_study_s_report_holds_its_table_with_intervals(tmp_path):
     pd.DataFrame(rows).to_csv(tmp_path / "table.csv", index=False)
     comparison = pd.DataFrame(rows).assign(mean_speed_paper=22.13).drop(columns="missing")
     comparison.to_csv(tmp_path / "comparison.csv", index=False)
-    windows = [
-        {
-            "planner": "hjop",
-            "filter": "spc",
-            "scheme": "mi",
-            "start": 0.0,
-            "mean_speed": 20.0 + k,
-            "ttc_p1": 4.0 + k % 2,
-        }
-        for k in range(5)
-    ]
-    pd.DataFrame(windows).to_parquet(tmp_path / "windows.parquet")
 
     page = write_report(tmp_path).read_text()
 

@@ -29,6 +29,7 @@ def study(tmp_path_factory, make_hostile_run):
     for number, stack in enumerate(STACKS):
         row = dict(zip(("scenario", "planner", "filter", "scheme"), (HOSTILE, *stack), strict=True))
         row |= {"episodes": 1000, "missing": 0}
+        row |= {"ttc_2d_p1": 1234.5, "ttc_2d_p1_lo": -1234.5, "ttc_2d_p1_hi": 98765.4}
         for metric in shown_in_study():
             row |= {metric.name: 1234.5, f"{metric.name}_lo": -1234.5, f"{metric.name}_hi": 98765.4}
         rows.append({**row, "collision_episodes": [1, 0, 999, 0][number]})
@@ -41,10 +42,6 @@ def study(tmp_path_factory, make_hostile_run):
     pd.DataFrame([{**claims, "holds": one, "certain": other} for one, other in holds]).to_csv(
         folder / "claims.csv", index=False
     )
-    windows = [
-        {"planner": "op", "filter": "none", "scheme": "-", "mean_speed": 20.0 + k, "ttc_p1": k} for k in range(4)
-    ]
-    pd.DataFrame(windows).to_parquet(folder / "windows.parquet")
     return folder
 
 

@@ -57,6 +57,7 @@ def summary_of(record: RunRecord, config: EpisodeConfig) -> dict[str, Any]:
         "ttc_p1": float(np.percentile(threats.ttc, 1, method="lower")),
         "btn_le_1": float(np.mean(threats.btn <= 1.0)),
         "stn_le_1": float(np.mean(threats.stn <= 1.0)),
+        "ttc_2d_p1": float(np.percentile(threats.ttc_2d, 1, method="lower")),
         "mean_speed": float(np.mean(robot.speed)),
         "mean_abs_acceleration": float(np.mean(np.abs(robot.acceleration))),
         "intervention_percent": 100.0 * float(np.mean(robot.intervening)),

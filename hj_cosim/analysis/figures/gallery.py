@@ -20,7 +20,7 @@ from hj_cosim.analysis.figures.snapshots import snapshots
 from hj_cosim.analysis.figures.stacks import STACK_COLUMNS
 from hj_cosim.analysis.figures.style import Drawing
 from hj_cosim.analysis.figures.timeline import timeline
-from hj_cosim.analysis.figures.trade_off import trade_off
+from hj_cosim.analysis.figures.trade_off import METRICS_SHOWN, trade_off
 from hj_cosim.analysis.figures.value_along_drive import value_along_drive
 from hj_cosim.analysis.figures.value_slice import value_slice
 from hj_cosim.errors import OutputError, RunFolderError, TableError
@@ -29,7 +29,7 @@ from hj_cosim.reachability.table.sized import load_tables
 from hj_cosim.reachability.table.store import find_specification, load_table
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.run_folder import CONFIG, Run, read_config, read_run
-from hj_cosim.recording.study_files import EPISODES, TABLE, WINDOWS
+from hj_cosim.recording.study_files import EPISODES, TABLE
 from hj_cosim.settings import RobotSettings, Scenario, read_toml, validate
 from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.placement import density
@@ -40,7 +40,6 @@ DEFAULT_TABLE = "highway"
 LARGEST_STUDY_TABLE = 100_000_000  # bytes
 MOST_STUDY_ROWS = 10_000_000
 TEXT_COLUMNS = ("scenario", *STACK_COLUMNS)
-WINDOW_COLUMNS = (*STACK_COLUMNS, "mean_speed", "ttc_p1")
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,8 @@ class FigureKind:
 
 
 def _trade_off_of(folder: Path) -> Drawing:
-    return trade_off(read_study_table(folder / WINDOWS, WINDOW_COLUMNS))
+    metrics = [f"{metric}{ending}" for metric in METRICS_SHOWN for ending in ("", "_lo", "_hi")]
+    return trade_off(read_study_table(folder / TABLE, (*STACK_COLUMNS, *metrics)))
 
 
 def _density_sweep_of(folder: Path) -> Drawing:
@@ -85,7 +85,7 @@ FIGURES: Mapping[str, FigureKind] = {
     "control-sets": FigureKind(
         "run", "safe controls of SPC and RSS, MI and SW", control_sets_figure.control_sets, True
     ),
-    "trade-off": FigureKind("study", "1st percentile TTC over mean speed, with ellipses", _trade_off_of),
+    "trade-off": FigureKind("study", "1st percentile of 2D TTC over mean speed, with intervals", _trade_off_of),
     "attack": FigureKind("study", "collisions and speed over the share of drivers who mean harm", _attack_of),
     "density-sweep": FigureKind("study", "speed, safety and interventions over the density", _density_sweep_of),
 }
