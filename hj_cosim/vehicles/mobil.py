@@ -9,7 +9,8 @@ import math
 import numpy as np
 from numba import njit
 
-from hj_cosim.vehicles.idm import idm_acceleration
+from hj_cosim.kernels import kernel
+from hj_cosim.vehicles.idm import driver_of, idm_acceleration
 
 # Columns of MOBIL's parameters, an array (3,).
 POLITENESS = 0
@@ -19,7 +20,7 @@ SAFE_BRAKING = 2  # m/s²
 NOBODY = -1
 
 
-@njit(cache=True)
+@kernel
 def leader_in_lane(car: int, wanted_lane: int, lane: np.ndarray, second_lane: np.ndarray) -> int:
     """Return the nearest car ahead of `car` that occupies `wanted_lane`, or NOBODY.
 
@@ -35,7 +36,7 @@ def leader_in_lane(car: int, wanted_lane: int, lane: np.ndarray, second_lane: np
     return NOBODY
 
 
-@njit(cache=True)
+@kernel
 def follower_in_lane(car: int, wanted_lane: int, lane: np.ndarray, second_lane: np.ndarray) -> int:
     """Return the nearest car behind `car` that occupies `wanted_lane`, or NOBODY; arguments as leader_in_lane."""
     for other in range(car - 1, -1, -1):
@@ -44,19 +45,19 @@ def follower_in_lane(car: int, wanted_lane: int, lane: np.ndarray, second_lane: 
     return NOBODY
 
 
-@njit(cache=True)
+@kernel
 def following_acceleration(
     car: int, leader: int, position: np.ndarray, speed: np.ndarray, length: np.ndarray, drivers: np.ndarray
 ) -> float:
     """Return IDM's acceleration of `car` behind `leader` (or NOBODY), m/s²; arguments as lane_change_incentive."""
+    driver = driver_of(drivers, car)
     if leader == NOBODY:
-        return idm_acceleration(speed[car], math.inf, 0.0, drivers[car])
+        return idm_acceleration(speed[car], math.inf, 0.0, driver)
     gap = position[leader] - position[car] - 0.5 * (length[leader] + length[car])
-    return idm_acceleration(speed[car], gap, speed[leader], drivers[car])
+    return idm_acceleration(speed[car], gap, speed[leader], driver)
 
 
-# Up to nine parameters: traffic and planner keep these arrays differently, and both hand them over without a copy.
-@njit(cache=True)
+@kernel
 def is_safe_change(
     car: int,
     new_leader: int,
@@ -85,7 +86,8 @@ def is_safe_change(
     return following_acceleration(new_follower, car, position, speed, length, drivers) >= -safe_braking
 
 
-@njit(cache=True)
+# Nine parameters: traffic and planner keep these arrays differently, and both hand them over without a copy.
+@kernel
 def lane_change_incentive(
     car: int,
     target_lane: int,
@@ -138,6 +140,7 @@ def lane_change_incentive(
     return incentive
 
 
+# Nine parameters: the arrays of lane_change_incentive.
 @njit(cache=True)
 def lane_decisions(
     deciding: np.ndarray,

@@ -17,7 +17,8 @@ from hj_cosim.control.spc.escape import NO_MANOEUVRE, Extent, is_to_be_looked_at
 from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres
 from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed, worst_heading_sine
 from hj_cosim.reachability.games.highway.rows import write_row
-from hj_cosim.reachability.table.lookup import TableArrays, shift_of_grid, smooth_gradient_at, value_and_gradient_at
+from hj_cosim.reachability.table.lookup import shift_of_grid, smooth_gradient_at, value_and_gradient_at
+from hj_cosim.reachability.table.table_arrays import TableArrays
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 from hj_cosim.vehicles.idm import idm_acceleration
 

@@ -4,15 +4,10 @@ from scipy.interpolate import RegularGridInterpolator
 
 from hj_cosim.reachability.games.highway import game as highway
 from hj_cosim.reachability.games.highway.target import TargetFormula, target_and_gradient_at, target_at
-from hj_cosim.reachability.table.lookup import (
-    TableArrays,
-    TableGrid,
-    value_and_gradient_at,
-    value_at,
-    values_and_gradients,
-)
+from hj_cosim.reachability.table.lookup import value_and_gradient_at, value_at, values_and_gradients
 from hj_cosim.reachability.table.store import solve_table
 from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.reachability.table.table_arrays import TableArrays, TableGrid
 from hj_cosim.settings import TableSpecification
 
 AXES = (

@@ -1,7 +1,6 @@
 """Whether the robot touches a car during a predicted action."""
 
-from numba import njit
-
+from hj_cosim.kernels import kernel
 from hj_cosim.planning.optimistic.prediction import (
     BRANCH,
     LANE,
@@ -15,7 +14,7 @@ from hj_cosim.planning.optimistic.prediction import (
 )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def robot_crashes(scene: Scene, robot: int, model: PredictionModel) -> bool:
     """Return whether the robot's body touches a car's at any instant of the action.
 
@@ -49,7 +48,7 @@ def robot_crashes(scene: Scene, robot: int, model: PredictionModel) -> bool:
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def instants_within(offset: float, next_offset: float, reach: float) -> tuple[float, float]:
     """Return the part of [0, 1] in which |offset| < reach while it goes linearly to `next_offset`; (1, 0) if none."""
     change = next_offset - offset

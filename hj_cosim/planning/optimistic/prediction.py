@@ -22,15 +22,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from hj_cosim.vehicles.idm import Following, acceleration_behind, following, idm_acceleration
+from hj_cosim.kernels import kernel
+from hj_cosim.vehicles.idm import driver_of, idm_acceleration
 from hj_cosim.vehicles.mobil import (
     GAIN_THRESHOLD,
     NOBODY,
     POLITENESS,
     SAFE_BRAKING,
     follower_in_lane,
+    following_acceleration,
     is_safe_change,
     lane_change_incentive,
 )
@@ -115,7 +116,7 @@ def empty_scene(vehicles: int, steps: int, lane_count: int) -> Scene:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def sort_by_position(state: np.ndarray, place: np.ndarray) -> int:
     """Sort a scene's vehicles by position and return the robot's column.
 
@@ -136,7 +137,7 @@ def sort_by_position(state: np.ndarray, place: np.ndarray) -> int:
     return robot
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def order_drivers(scene: Scene, model: PredictionModel) -> None:
     """Lay the drivers out as the scene's vehicles are; where all are the same, once is enough."""
     for column in range(len(scene.drivers)):
@@ -145,71 +146,39 @@ def order_drivers(scene: Scene, model: PredictionModel) -> None:
             scene.drivers[column, parameter] = model.drivers[vehicle, parameter]
 
 
-@njit(cache=True, error_model="numpy")
-def driver_of(car: int, scene: Scene) -> tuple[float, float, float, float, float, float]:
-    """Return what is expected of the driver in a column, as numbers that kernels keep in registers."""
-    one = scene.drivers[car]
-    return one[0], one[1], one[2], one[3], one[4], one[5]
-
-
-@njit(cache=True, error_model="numpy")
+@kernel
 def decide_and_find_leaders(scene: Scene, robot: int, model: PredictionModel) -> None:
     """Let the cars decide on their lanes, and find the nearest car ahead of each, and who is nearest behind the robot.
 
     One sweep from the front to the back remembers the last vehicle seen in each lane. A car that begins to change
     lanes is in both for those behind it, so that no two take the same gap at once.
     """
-    _sweep(
-        scene.state, scene.place, scene.drivers, scene.nearest, robot, (model.first_lane, model.stop_lane), model.mobil
-    )
-
-
-# From here on arrays are handed over one by one: taken out of a tuple, each would have its references counted, with
-# atomic operations, once a call: three quarters of the time that a car takes.
-@njit(cache=True, error_model="numpy")
-def _sweep(
-    state: np.ndarray,
-    place: np.ndarray,
-    drivers: np.ndarray,
-    nearest: np.ndarray,
-    robot: int,
-    lanes: tuple[int, int],
-    mobil: np.ndarray,
-) -> None:
-    """Do what decide_and_find_leaders says; the first lane and the one after the last are those to change to."""
-    vehicles, cars = nearest[0], nearest[1]
+    lane, second_lane = scene.place[LANE], scene.place[SECOND_LANE]
+    everybody = Vehicles(scene.state[POSITION], scene.state[SPEED], lane, second_lane, scene.state[LENGTH])
+    leader, follows_in = scene.place[LEADER], scene.place[FOLLOWS_IN]
+    vehicles, cars = scene.nearest[0], scene.nearest[1]
     vehicles[:] = NOBODY
     cars[:] = NOBODY
     taken = 0  # the lanes in which the nearest car behind the robot has been found
-    for car in range(place.shape[1] - 1, -1, -1):
-        lane, second_lane = place[LANE, car], place[SECOND_LANE, car]
+    for car in range(len(lane) - 1, -1, -1):
         if car != robot:
-            if lane == second_lane and vehicles[lane] != NOBODY:
-                lane = wanted_lane(car, vehicles, state, place, drivers, lanes, mobil)
-                place[LANE, car] = lane
-            ahead, other_ahead = cars[lane], cars[second_lane]
-            place[LEADER, car] = other_ahead if ahead == NOBODY or NOBODY < other_ahead < ahead else ahead
-            place[FOLLOWS_IN, car] = 0
+            if lane[car] == second_lane[car] and vehicles[lane[car]] != NOBODY:
+                lane[car] = wanted_lane(car, vehicles, everybody, scene, model)
+            ahead, other_ahead = cars[lane[car]], cars[second_lane[car]]
+            leader[car] = other_ahead if ahead == NOBODY or NOBODY < other_ahead < ahead else ahead
+            follows_in[car] = 0
             if car < robot:
-                occupied = (1 << lane) | (1 << second_lane)
-                place[FOLLOWS_IN, car] = occupied & ~taken
-                taken |= occupied
-            cars[lane] = car
-            cars[second_lane] = car
-        vehicles[lane] = car
-        vehicles[second_lane] = car
+                lanes = (1 << lane[car]) | (1 << second_lane[car])
+                follows_in[car] = lanes & ~taken
+                taken |= lanes
+            cars[lane[car]] = car
+            cars[second_lane[car]] = car
+        vehicles[lane[car]] = car
+        vehicles[second_lane[car]] = car
 
 
-@njit(cache=True, error_model="numpy")
-def wanted_lane(
-    car: int,
-    ahead: np.ndarray,
-    state: np.ndarray,
-    place: np.ndarray,
-    drivers: np.ndarray,
-    lanes: tuple[int, int],
-    mobil: np.ndarray,
-) -> int:
+@kernel
+def wanted_lane(car: int, ahead: np.ndarray, vehicles: Vehicles, scene: Scene, model: PredictionModel) -> int:
     """Return the lane that a car drives to by MOBIL, its own where it stays.
 
     What a car itself would gain is seen from the vehicles ahead alone. Without politeness that is the incentive, so
@@ -218,46 +187,85 @@ def wanted_lane(
     Args:
         car: its column.
         ahead: (lanes,) the nearest vehicle ahead of it in each lane.
-        state, place: of the scene.
-        drivers: (M, 6) in the order of the scene.
-        lanes: the first lane that it may want, and the one after the last.
-        mobil: (3,) MOBIL's parameters.
+        vehicles: of the scene.
+        scene: with the drivers in order.
+        model: the lanes, and the drivers' parameters.
     """
-    here, itself = place[LANE, car], following(state[SPEED, car], drivers[car])
-    wanted, best = here, 0.0
-    now = acceleration_in_lane(ahead[here], car, itself, state)
+    mobil = model.mobil
+    position, speed, lane, second_lane, length = vehicles
+    here, wanted, best = lane[car], lane[car], 0.0
+    now = following_acceleration(car, ahead[here], position, speed, length, scene.drivers)
     for target in (here + 1, here - 1):  # the left first: it wins a tie
-        if target < lanes[0] or target >= lanes[1]:
+        if target < model.first_lane or target >= model.stop_lane:
             continue
-        incentive = acceleration_in_lane(ahead[target], car, itself, state) - now - mobil[GAIN_THRESHOLD]
-        if mobil[POLITENESS] == 0.0 and incentive <= best:
-            continue
-        position, speed, lane, second_lane = state[POSITION], state[SPEED], place[LANE], place[SECOND_LANE]
         if mobil[POLITENESS] == 0.0:
-            behind = follower_in_lane(car, target, lane, second_lane)
-            if not is_safe_change(
-                car, ahead[target], behind, position, speed, state[LENGTH], drivers, mobil[SAFE_BRAKING]
+            after = following_acceleration(car, ahead[target], position, speed, length, scene.drivers)
+            incentive = after - now - mobil[GAIN_THRESHOLD]
+            behind = follower_in_lane(car, target, lane, second_lane) if incentive > best else NOBODY
+            if incentive <= best or not is_safe_change(
+                car, ahead[target], behind, position, speed, length, scene.drivers, mobil[SAFE_BRAKING]
             ):
                 continue
         else:
             incentive = lane_change_incentive(
-                car, target, position, speed, lane, second_lane, state[LENGTH], drivers, mobil
+                car, target, position, speed, lane, second_lane, length, scene.drivers, mobil
             )
         if incentive > best:
             wanted, best = target, incentive
     return wanted
 
 
-@njit(cache=True, error_model="numpy")
-def acceleration_in_lane(leader: int, car: int, itself: Following, state: np.ndarray) -> float:
-    """Return IDM's acceleration of a car behind `leader`, or on a free road where that is NOBODY, m/s²."""
-    if leader == NOBODY:
-        return acceleration_behind(itself, math.inf, 0.0)
-    gap = state[POSITION, leader] - state[POSITION, car] - 0.5 * (state[LENGTH, leader] + state[LENGTH, car])
-    return acceleration_behind(itself, gap, state[SPEED, leader])
+@kernel
+def follow(
+    car: int,
+    branch: int,
+    leader_branch: int,
+    robot_gap: float,
+    lanes: int,
+    scene: Scene,
+    driver: tuple[float, ...],
+    step: float,
+) -> None:
+    """Drive one car through the action behind its leader, or behind the robot while that is nearer.
+
+    The acceleration is held through each step and the speed stops at 0 (the ballistic update).
+
+    Args:
+        car: its column in the scene.
+        branch: the motion to write, SHARED or REACTING.
+        leader_branch: the motion in which its leader drives.
+        robot_gap: half the lengths of the car and the robot, m.
+        lanes: bit set of the lanes in which it follows the robot; 0 for none.
+        scene: whose motion is written.
+        driver: IDM parameters.
+        step: s.
+    """
+    state, motion = scene.state, scene.motion
+    leader = scene.place[LEADER, car]
+    leader_gap = 0.5 * (state[LENGTH, leader] + state[LENGTH, car])  # not read where there is no leader
+    position, speed = state[POSITION, car], state[SPEED, car]
+    motion[branch, POSITION, car, 0] = position
+    motion[branch, SPEED, car, 0] = speed
+    for now in range(motion.shape[3] - 1):
+        gap, ahead_speed = math.inf, 0.0
+        if leader != NOBODY:
+            gap = motion[leader_branch, POSITION, leader, now] - position - leader_gap
+            ahead_speed = motion[leader_branch, SPEED, leader, now]
+        if lanes & scene.robot_lanes[now]:
+            to_robot = scene.robot_motion[POSITION, now] - position
+            if to_robot > 0.0 and to_robot - robot_gap < gap:
+                gap, ahead_speed = to_robot - robot_gap, scene.robot_motion[SPEED, now]
+        acceleration = 0.0
+        if gap < math.inf:
+            acceleration = max(idm_acceleration(speed, gap, ahead_speed, driver), -HARDEST_BRAKING)
+        next_speed = max(speed + acceleration * step, 0.0)
+        position += 0.5 * (speed + next_speed) * step
+        speed = next_speed
+        motion[branch, POSITION, car, now + 1] = position
+        motion[branch, SPEED, car, now + 1] = speed
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def drive_cars(scene: Scene, robot: int, occupied: int, branch: int, model: PredictionModel) -> None:
     """Drive the cars of one branch through the action, from the front to the back, and mark which branch each is in.
 
@@ -269,76 +277,23 @@ def drive_cars(scene: Scene, robot: int, occupied: int, branch: int, model: Pred
         branch: which cars drive; those of the other branch are only marked.
         model: the prediction's.
     """
-    state, place, motion, robot_motion = scene.state, scene.place, scene.motion, scene.robot_motion
-    drivers, robot_lanes, step = scene.drivers, scene.robot_lanes, model.step
+    place = scene.place
     # Whoever is ahead of the robot does not react to it, and has been marked when the shared motion was driven.
     first = place.shape[1] - 1 if branch == SHARED else robot - 1
     for car in range(first, -1, -1):
         if car == robot:
             continue
-        leader, leader_branch = place[LEADER, car], SHARED
-        if leader != NOBODY:
-            leader_branch = place[BRANCH, leader]
+        leader_branch = SHARED
+        if place[LEADER, car] != NOBODY:
+            leader_branch = place[BRANCH, place[LEADER, car]]
         lanes = place[FOLLOWS_IN, car] & occupied
         place[BRANCH, car] = REACTING if lanes != 0 or leader_branch == REACTING else SHARED
         if place[BRANCH, car] == branch:
-            robot_gap = 0.5 * (state[LENGTH, car] + state[LENGTH, robot])
-            behind = (leader, leader_branch, lanes, robot_gap)
-            _follow(car, branch, behind, state, motion, robot_motion, robot_lanes, drivers[car], step)
+            robot_gap = 0.5 * (scene.state[LENGTH, car] + scene.state[LENGTH, robot])
+            follow(car, branch, leader_branch, robot_gap, lanes, scene, driver_of(scene.drivers, car), model.step)
 
 
-# Nine parameters: arrays are handed over one by one, see above.
-@njit(cache=True, error_model="numpy")
-def _follow(
-    car: int,
-    branch: int,
-    behind: tuple[int, int, int, float],
-    state: np.ndarray,
-    motion: np.ndarray,
-    robot_motion: np.ndarray,
-    robot_lanes: np.ndarray,
-    driver: np.ndarray,
-    step: float,
-) -> None:
-    """Drive one car through the action behind its leader, or behind the robot while that is nearer.
-
-    The acceleration is held through each step and the speed stops at 0 (the ballistic update).
-
-    Args:
-        car: its column in the scene.
-        branch: the motion to write, SHARED or REACTING.
-        behind: the column of its leader, or NOBODY, and the motion in which that drives; the bit set of the lanes in
-            which it follows the robot, 0 for none; half the lengths of the car and the robot, m.
-        state, motion, robot_motion, robot_lanes: the scene's, of which `motion` is written.
-        driver: (6,) IDM parameters.
-        step: s.
-    """
-    leader, leader_branch, lanes, robot_gap = behind
-    parameters = (driver[0], driver[1], driver[2], driver[3], driver[4], driver[5])  # in registers
-    leader_gap = 0.5 * (state[LENGTH, leader] + state[LENGTH, car])  # not read where there is no leader
-    position, speed = state[POSITION, car], state[SPEED, car]
-    motion[branch, POSITION, car, 0] = position
-    motion[branch, SPEED, car, 0] = speed
-    for now in range(motion.shape[3] - 1):
-        gap, ahead_speed = math.inf, 0.0
-        if leader != NOBODY:
-            gap = motion[leader_branch, POSITION, leader, now] - position - leader_gap
-            ahead_speed = motion[leader_branch, SPEED, leader, now]
-        if lanes & robot_lanes[now]:
-            to_robot = robot_motion[POSITION, now] - position
-            if to_robot > 0.0 and to_robot - robot_gap < gap:
-                gap, ahead_speed = to_robot - robot_gap, robot_motion[SPEED, now]
-        acceleration = 0.0
-        if gap < math.inf:
-            acceleration = max(idm_acceleration(speed, gap, ahead_speed, parameters), -HARDEST_BRAKING)
-        next_speed = max(speed + acceleration * step, 0.0)
-        position += 0.5 * (speed + next_speed) * step
-        speed = next_speed
-        motion[branch, POSITION, car, now + 1] = position
-        motion[branch, SPEED, car, now + 1] = speed
-
-
-@njit(cache=True, error_model="numpy")
+@kernel
 def drive_robot(
     scene: Scene, robot: int, planned_lane: int, planned_speed: float, model: PredictionModel
 ) -> tuple[int, float]:
@@ -369,13 +324,13 @@ def drive_robot(
     return occupied, math.atan2(math.copysign(model.robot_lateral_speed, across), max(speed, model.robot_lateral_speed))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def approach(value: float, target: float, distance: float) -> float:
     """Return `value` moved towards `target` by `distance`, or `target` where that is nearer."""
     return min(max(target, value - distance), value + distance)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def noticed_lanes(lateral: float, model: PredictionModel) -> int:
     """Return the bit set of the lanes in which drivers notice a robot whose centre is at `lateral` (m)."""
     lanes = 0

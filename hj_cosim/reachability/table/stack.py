@@ -15,10 +15,10 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.reachability.packing import packed
-from hj_cosim.reachability.table.lookup import TableArrays, TableGrid, grid_from
+from hj_cosim.reachability.table.table_arrays import TableArrays, TableGrid, grid_from
 
-# Columns of a row: the largest body of the class, m, comes first; where W begins; its nodes; what `lookup.grid_from`
-# takes.
+# Columns of a row: the largest body of the class, m, comes first; where W begins; its nodes; what
+# `table_arrays.grid_from` takes.
 BEGIN, NODES, REST = 2, 3, 8
 
 

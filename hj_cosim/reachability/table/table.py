@@ -14,10 +14,11 @@ from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.solver.solver import SolveReport, state_limits
 from hj_cosim.reachability.table.deficits import deficits
 from hj_cosim.reachability.table.interpolation import interpolate
-from hj_cosim.reachability.table.lookup import TableArrays, TableGrid, values_and_gradients
+from hj_cosim.reachability.table.lookup import values_and_gradients
 from hj_cosim.reachability.table.size_classes import CAR
 from hj_cosim.reachability.table.stack import TableStack, stacked
 from hj_cosim.reachability.table.states import state_rows
+from hj_cosim.reachability.table.table_arrays import TableArrays, TableGrid
 from hj_cosim.settings import TableSpecification
 
 _NO_TARGET = TargetFormula(*(0.0,) * len(TargetFormula._fields))
