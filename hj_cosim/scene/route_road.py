@@ -138,6 +138,9 @@ class RouteRoad:
     lanes_there: np.ndarray = field(repr=False)  # (S,) int, how many there are
     leading_off: np.ndarray = field(repr=False)  # (S,) int, bit sets of the lanes that leave the road at its end
     lap: float = 0.0  # m, of one lap of a closed road; 0 of an open one
+    # (L,) m and (L,) m/s, where speed limits begin, ascending, the first at 0, and they themselves; none if empty
+    limit_start: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    limit: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
 
     @cached_property
     def _spacing(self) -> float:
@@ -227,6 +230,22 @@ class RouteRoad:
                 first = np.where(is_reached, np.maximum(first, lowest), first)
                 stop = np.where(is_reached, np.minimum(stop, lowest + there), stop)
         return np.column_stack([first, stop - 1])
+
+    def speed_limit(self, along: np.ndarray) -> np.ndarray:
+        """Return the speed limits (J,), m/s, at s (J,); inf where there is none."""
+        if not len(self.limit):
+            return np.full(len(along), math.inf)
+        within = along % self.lap if self.lap else along
+        return np.asarray(self.limit[np.maximum(np.searchsorted(self.limit_start, within, side="right") - 1, 0)])
+
+    def speed_limits(self, start: float, stop: float) -> np.ndarray:
+        """Return the limits between two s (m), (L, 2): where each begins (the first: `start`), m, and itself, m/s."""
+        first = float(self.speed_limit(np.array([start]))[0])
+        laps = np.arange(start // self.lap, stop // self.lap + 1.0) * self.lap if self.lap else np.zeros(1)
+        begins = (laps[:, np.newaxis] + self.limit_start).ravel()
+        limits = np.column_stack([begins, np.tile(self.limit, len(laps))])[(begins > start) & (begins <= stop)]
+        limits = np.vstack([[start, first], limits])
+        return limits[np.append(True, np.diff(limits[:, 1]) != 0.0)]
 
     def lane_centre(self, lane: int, along: float) -> float:
         """Return the lateral offset of a lane's centre line, m."""

@@ -35,9 +35,7 @@ def test_the_guarantee_on_bends(specification, preset):
         for road, games in ROADS.items():
             name = road + (", with the escape" if keeps else "")
             reports[name] = measure_guarantee(table, games, filter_settings, robot)
-    print(
-        f"\n{specification}, {STRAIGHT.rollouts} games: entered %; collided: road frame, world; fall of V"
-    )
+    print(f"\n{specification}, {STRAIGHT.rollouts} games: entered %; collided: road frame, world; fall of V")
     for name, report in reports.items():
         print(
             f"{name:36s}{report.entered_percent:8.2f}{report.collided:7d}{report.collided_in_world:7d}"
