@@ -34,6 +34,8 @@ class _WrittenRoute(BaseModel):
     lanes_there: list[Annotated[int, Field(ge=1, le=MOST_LANES)]]
     leading_off: list[Annotated[int, Field(ge=0)]]
     lap: float = Field(ge=0.0, le=FARTHEST_PLACE)
+    limit_start: list[_Finite] = Field(default=[], max_length=MOST_KNOTS)
+    limit: list[Annotated[float, Field(gt=0.0, le=FARTHEST_PLACE)]] = []
 
     @model_validator(mode="after")
     def _is_consistent(self) -> "_WrittenRoute":
@@ -90,6 +92,8 @@ def road_from_json(text: str | bytes) -> Road:
                 lanes_there=np.array(written.lanes_there),
                 leading_off=np.array(written.leading_off),
                 lap=written.lap,
+                limit_start=np.array(written.limit_start),
+                limit=np.array(written.limit),
             )
         road = TypeAdapter(StraightRoad).validate_json(text)
     except ValidationError as error:

@@ -124,8 +124,22 @@ class _Route:
             lanes_there=count[changes],
             leading_off=np.array([self._leading_off(sections[last]) for last in last_of_each]),
             lap=length if self._laps > 1 else 0.0,
+            **self._limits(sections),
         )
         return road, SumoLanes(self._edges, sections, self._laps, lanes_of_ramps(self._net, sections, road))
+
+    def _limits(self, sections: Sequence[Section]) -> dict[str, np.ndarray]:
+        """Return where speed limits begin and what they are: those of the fastest lane of each section."""
+        limits = np.array([self._limit(section) for section in sections])
+        if not np.isfinite(limits).all():
+            return {}
+        changes = np.append(True, np.diff(limits) != 0.0)
+        return {"limit_start": np.array([section.start for section in sections])[changes], "limit": limits[changes]}
+
+    def _limit(self, section: Section) -> float:
+        return max(
+            min(self._net.lane(lane.edge, lane.index).speed for lane in chain) for chain in section.lanes.values()
+        )
 
     def _leading_off(self, section: Section) -> int:
         """Return the bit set of a section's lanes that lead to edges which are not the route's."""

@@ -90,6 +90,13 @@ def equilibrium_speed(gap: float, driver: np.ndarray) -> float:
     return low
 
 
+def within_limits(drivers: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """Return drivers (J, 6) who desire no more than speed limits (J,), m/s."""
+    limited = drivers.copy()
+    limited[:, DESIRED_SPEED] = np.minimum(drivers[:, DESIRED_SPEED], limits)
+    return limited
+
+
 def parameter_settings(settings: DriverSettings) -> tuple[NormalDistribution | float, ...]:
     """Return what the six parameters are drawn from, in this module's order; a number is the same for everybody."""
     return tuple(getattr(settings, name) for name in PARAMETER_NAMES)

@@ -17,6 +17,7 @@ from hj_cosim.planning.contract import FASTER, IDLE, LEFT, RIGHT, SLOWER, Plan
 from hj_cosim.planning.mppi.others import Habits, Others, predict_others
 from hj_cosim.planning.mppi.rollouts import Costs, Outlook, RobotModel, drive, follow_lanes, judge
 from hj_cosim.planning.optimistic.reward import reward_model
+from hj_cosim.planning.optimistic.speed_limits import fastest_within_limits
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation, Target
 from hj_cosim.scene.road import Road
@@ -136,13 +137,18 @@ class MppiPlanner:
         predict_others(others, target_y, path, self._robot.length, habits, self._options.step)
         return others
 
+    def _allowed(self, state: np.ndarray) -> float:
+        """Return how fast the robot may plan to be by the speed limits ahead, m/s."""
+        return fastest_within_limits(self._road, float(state[0]), float(state[3]), self._settings.action_time)
+
     def _drawn(self, state: np.ndarray) -> np.ndarray:
         """Return the samples, (K, T, 2): the last plan and the simple ways, and noise around all of them."""
         options, road = self._options, self._road
         here = road.lane_at(float(state[1]), float(state[0]))
         reachable = [lane for lane in (here - 1, here, here + 1) if lane in road.lanes_at(float(state[0]))]
         lanes = np.repeat(np.array(reachable, dtype=float), len(SPEEDS))
-        least, most = self._settings.speed_floor, self._settings.speed_high
+        fastest = min(self._settings.speed_high, self._allowed(state))
+        least, most = min(self._settings.speed_floor, fastest), fastest
         speeds = np.clip(float(state[3]) + np.tile(SPEEDS, len(reachable)), least, most)
         middles = np.empty((len(lanes) + 1, self._instants, 2))
         middles[0] = self._plan
@@ -168,7 +174,7 @@ class MppiPlanner:
         lane = road.lane_at(float(path[-1, 1]), float(path[-1, 0]))
         lane = min(max(lane, here - 1), here + 1)
         times = np.arange(len(path)) * self._options.step
-        planned = float(np.interp(self._settings.speed_response, times, path[:, 3]))
+        planned = min(float(np.interp(self._settings.speed_response, times, path[:, 3])), self._allowed(path[0]))
         action = IDLE
         if lane != here:
             action = LEFT if lane > here else RIGHT

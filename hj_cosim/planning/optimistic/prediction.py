@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hj_cosim.kernels import kernel
+from hj_cosim.planning.optimistic.speed_limits import NO_LIMITS, slowed
 from hj_cosim.vehicles.idm import driver_of, idm_acceleration
 from hj_cosim.vehicles.mobil import (
     GAIN_THRESHOLD,
@@ -101,6 +102,7 @@ class Scene(NamedTuple):
     robot_lanes: np.ndarray  # (K + 1,) int64, bit sets of the lanes in which drivers notice the robot
     nearest: np.ndarray  # (2, lanes) int64, the vehicle and the car (not the robot) seen last in each lane
     drivers: np.ndarray  # (M, 6) the model's, in the order of the scene, as MOBIL reads them
+    limits: np.ndarray  # (L, 2) where speed limits begin, m ahead of the robot at the root, and they, m/s
 
 
 def empty_scene(vehicles: int, steps: int, lane_count: int) -> Scene:
@@ -113,6 +115,7 @@ def empty_scene(vehicles: int, steps: int, lane_count: int) -> Scene:
         robot_lanes=np.zeros(steps + 1, np.int64),
         nearest=np.zeros((2, lane_count), np.int64),
         drivers=np.zeros((vehicles, 6)),
+        limits=NO_LIMITS,
     )
 
 
@@ -258,6 +261,9 @@ def follow(
         acceleration = 0.0
         if gap < math.inf:
             acceleration = max(idm_acceleration(speed, gap, ahead_speed, driver), -HARDEST_BRAKING)
+        if len(scene.limits) > 0:
+            front = position + 0.5 * state[LENGTH, car]
+            acceleration = max(slowed(acceleration, front, speed, driver, scene.limits), -HARDEST_BRAKING)
         next_speed = max(speed + acceleration * step, 0.0)
         position += 0.5 * (speed + next_speed) * step
         speed = next_speed

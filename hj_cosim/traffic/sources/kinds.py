@@ -75,12 +75,15 @@ def draw_people(kinds: Sequence[Kind], kind: np.ndarray, random: np.random.Gener
     return drivers
 
 
-def expected_drivers(kinds: Sequence[Kind], length: np.ndarray, width: np.ndarray) -> np.ndarray | None:
+def expected_drivers(
+    kinds: Sequence[Kind], length: np.ndarray, width: np.ndarray, *, differ: bool = False
+) -> np.ndarray | None:
     """Return what may be expected of drivers by the bodies (J,) of their vehicles, m: their kinds' means, (J, 6).
 
-    None where all are cars. Of two kinds with the same body nobody sees which is which: the first counts.
+    None where all are cars, unless they `differ` in where they are. Of two kinds with the same body nobody sees which
+    is which: the first counts.
     """
-    if len(kinds) <= 1:
+    if not kinds or (len(kinds) == 1 and not differ):
         return None
     found = np.tile(mean_driver(kinds[CARS].drivers), (len(length), 1))
     for kind in reversed(kinds):

@@ -19,6 +19,7 @@ from hj_cosim.vehicles.idm import (
     equilibrium_speed,
     idm_acceleration,
     mean_driver,
+    within_limits,
 )
 
 # What is left free behind the last car and the robot, so that nobody's rear sticks out of the road (m).
@@ -99,6 +100,7 @@ def initial_traffic(scenario: Scenario, road: Road, robot: RobotSettings, seed: 
     _check_room(scenario, road, robot, length, x, lane, start)
 
     everyone = np.vstack([drivers, robot_driver(scenario.drivers, scenario.robot.speed)])
+    everyone = within_limits(everyone, road.speed_limit(np.append(x, 0.0) + start))
     speed = _start_speeds(
         np.append(x, 0.0),
         np.append(lane, scenario.robot.lane),

@@ -21,7 +21,7 @@ from hj_cosim.traffic.sumo.places import EdgePlaces, Places, RoutePlaces, neares
 from hj_cosim.traffic.sumo.puppet import Placement
 from hj_cosim.traffic.sumo.session import libsumo
 from hj_cosim.traffic.sumo_lanes import SumoLanes
-from hj_cosim.vehicles.idm import PARAMETER_NAMES
+from hj_cosim.vehicles.idm import DESIRED_SPEED, PARAMETER_NAMES, within_limits
 
 # setLaneChangeMode has two bits a reason (strategic, cooperative, speed gain, keep right), all 0 here, and then how
 # requests are treated.
@@ -73,13 +73,14 @@ class Fleet:
         self._kinds = kinds
         self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(road, lanes)
         self._lanes_end = lanes is not None and lanes.differ
+        fastest = initial.drivers[:, DESIRED_SPEED].max(initial=robot_driver[DESIRED_SPEED])
+        self._has_limits = bool(road.speed_limits(0.0, road.length)[:, 1].min() < fastest)
         self._is_seen_between_steps = is_seen_between_steps
         self._latest_step: BetweenSteps | None = None
         for name in names:
             libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE + STRATEGIC * self._lanes_end)
         self.vehicle_names = list(names)
-        self._road = road
-        self._known_drivers = initial.drivers
+        self._road, self._known_drivers = road, initial.drivers
         self._names = list(names)  # of those on the road, a name for each row but the robot's
         count = len(names)
         lane = np.append(initial.lane, road.lane_at(initial.robot[1], initial.robot[0]))
@@ -115,7 +116,7 @@ class Fleet:
     def _set_rows(self, rows: FleetArrays) -> None:
         self._rows = rows
         self._front_offset = 0.5 * rows.length  # SUMO's positions are of front bumpers
-        self._expected = expected_drivers(self._kinds, rows.length, rows.width)
+        self._expected = expected_drivers(self._kinds, rows.length, rows.width, differ=self._has_limits)
 
     @property
     def drivers(self) -> np.ndarray:
@@ -150,8 +151,11 @@ class Fleet:
             target_lane=rows.target_lane[cars].copy(),
             length=rows.length[cars],
             width=rows.width[cars],
-            expected_driver=None if self._expected is None else self._expected[cars],
+            expected_driver=None if self._expected is None else self._within_limits(self._expected[cars], motion.x),
         )
+
+    def _within_limits(self, drivers: np.ndarray, along: np.ndarray) -> np.ndarray:
+        return within_limits(drivers, self._road.speed_limit(along)) if self._has_limits else drivers
 
     def request_lane_changes(self, turn: int, step: float) -> None:
         """Let those decide whose turn it is, and ask SUMO for the changes that they want.
@@ -163,7 +167,8 @@ class Fleet:
         rows = self._rows
         deciding = rows.turn == turn % DECISION_TURNS
         deciding[self._changing] = False
-        cars = DrivingCars(rows.x, rows.speed, rows.lane, rows.second_lane, rows.length, rows.driver, rows.mobil)
+        minding = self._within_limits(rows.driver, rows.x)
+        cars = DrivingCars(rows.x, rows.speed, rows.lane, rows.second_lane, rows.length, minding, rows.mobil)
         usable = self._road.lasting_lanes(rows.x, LASTING)
         if self._lanes_end:
             is_ending = (rows.lane < usable[:, 0]) | (rows.lane > usable[:, 1])

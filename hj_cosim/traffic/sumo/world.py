@@ -112,7 +112,8 @@ class SumoWorld:
                 write_routes(routes, scenario.network.edge, initial, names, robot)
             else:
                 streams = drawn_streams(scenario, seed)
-                write_routes(routes, self._lanes.route, initial, names, robot, self._lanes.departure, streams)
+                departure = self._lanes.departure
+                write_routes(routes, self._lanes.route, initial, names, robot, departure, streams, minds_limits=True)
         warnings, looks = self._session.warnings_file, scenario.traffic.check_collisions
         words = command_line(network, routes, warnings, self._clocks.traffic_step, seed, looks)
         if self._clocks.ratio > 1:
