@@ -31,8 +31,8 @@ from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.run_folder import CONFIG, Run, read_config, read_run
 from hj_cosim.recording.study_files import EPISODES, TABLE
 from hj_cosim.settings import RobotSettings, Scenario, read_toml, validate
-from hj_cosim.traffic.route import read_network
-from hj_cosim.traffic.sources.placement import density
+from hj_cosim.traffic.chain import read_lane_count
+from hj_cosim.traffic.sources.density import density
 from hj_cosim.traffic.sources.scenarios import network_path
 
 Source = Literal["run", "study", "table"]
@@ -154,8 +154,8 @@ def scenario_densities(study: Path) -> dict[str, float]:
     for path in sorted(study.glob(f"{EPISODES}/**/{CONFIG}")):
         scenario = validate(Scenario, read_config(path.parent)["scenario"], str(path))
         if scenario.name not in densities:
-            road, _ = read_network(network_path(scenario.network), scenario.network)
-            densities[scenario.name] = density(scenario.traffic, road.lane_count)
+            lanes = read_lane_count(network_path(scenario.network), scenario.network)
+            densities[scenario.name] = density(scenario.traffic, lanes)
     return densities
 
 
