@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import spsolve
 
 from hj_cosim.scene.road import Road
 from hj_cosim.scene.route_road import RouteRoad
@@ -16,11 +14,6 @@ from hj_cosim.traffic.net_graph import without_repeats
 from hj_cosim.traffic.network import read_road
 from hj_cosim.traffic.ramps import lanes_of_ramps
 from hj_cosim.traffic.sumo_lanes import Section, SumoLanes
-
-# Real networks have a vertex every 50 m and bends of several degrees there. A spline through them swings out by metres;
-# resampled and smoothed like this it stays within 0.6 m, and so do its curvature and whoever follows it.
-KNOT_SPACING = 10.0  # m
-SMOOTHNESS = 20.0  # weight of the squared third differences against the squared deviations
 
 
 def read_network(path: Path, network: NetworkSettings) -> tuple[Road, SumoLanes | None]:
@@ -42,6 +35,8 @@ def read_network(path: Path, network: NetworkSettings) -> tuple[Road, SumoLanes 
 
 def _road(chain: EdgeChain) -> RouteRoad:
     """Return a chain of edges as a road."""
+    from hj_cosim.traffic.smoothing import smooth_knots  # with SciPy's sparse matrices, which only routes wait for
+
     sections, length = chain.sections, chain.length
     reference = _reference_lane(sections)
     along, points = _polyline(sections, reference, chain.width)
@@ -105,34 +100,3 @@ def _polyline(sections: Sequence[Section], reference: int, width: float) -> tupl
         along.append(section.start + way / way[-1] * section.length)
         points.append(shape + (reference - nearest) * width * left)
     return np.concatenate(along), np.vstack(points)
-
-
-def smooth_knots(along: np.ndarray, points: np.ndarray, length: float, *, closed: bool) -> np.ndarray:
-    """Return knots (K, 2), m, evenly spaced in s, of a curve without kinks beside a polyline.
-
-    They are the least squares of their deviations from the polyline and, weighted, of their third differences (Eilers
-    & Marx 1996, Flexible smoothing with B-splines and penalties).
-
-    Args:
-        along: (N,) m, the s of the vertices, ascending from 0 to `length`.
-        points: (N, 2) m, the vertices.
-        length: m.
-        closed: whether the last vertex meets the first; then the last knot is the first again.
-    """
-    count = max(round(length / KNOT_SPACING), 8)
-    at = np.linspace(0.0, length, count + 1)
-    target = np.column_stack([np.interp(at, along, points[:, axis]) for axis in (0, 1)])
-    if closed:
-        target = target[:-1]
-        difference = _rotation(count) - sparse.identity(count)
-        third = difference @ difference @ difference
-    else:
-        third = sparse.diags([-1.0, 3.0, -3.0, 1.0], [0, 1, 2, 3], shape=(count - 2, count + 1))
-    matrix = (sparse.identity(len(target)) + SMOOTHNESS * (third.T @ third)).tocsc()
-    knots = np.column_stack([spsolve(matrix, target[:, axis]) for axis in (0, 1)])
-    return np.vstack([knots, knots[:1]]) if closed else knots
-
-
-def _rotation(count: int) -> sparse.csr_matrix:
-    """Return the matrix that takes every knot of a closed curve to the next one."""
-    return sparse.csr_matrix((np.ones(count), (np.arange(count), (np.arange(count) + 1) % count)))

@@ -6,9 +6,10 @@ import pytest
 from PIL import Image
 
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
+from hj_cosim.analysis.figures.catalogue import FIGURES
 from hj_cosim.analysis.figures.control_sets import control_sets
 from hj_cosim.analysis.figures.density_sweep import density_sweep
-from hj_cosim.analysis.figures.gallery import FIGURES, draw_figure
+from hj_cosim.analysis.figures.gallery import draw_figure
 from hj_cosim.analysis.figures.highway import highway
 from hj_cosim.analysis.figures.planner_comparison import planner_comparison
 from hj_cosim.analysis.figures.schematic import BOXED_IN, boxed_in
