@@ -133,8 +133,8 @@ def test_a_hundred_look_ups(benchmark, row) -> None:
     grid = Grid.from_settings(table.specification.grid, table.game.boundary)
     states = np.random.default_rng(0).uniform(np.array(grid.lower) * 0.6, np.array(grid.upper) * 0.6, (100, 5))
     arrays = table.arrays
-    values_and_gradients(arrays, states)
-    benchmark(values_and_gradients, arrays, states)
+    values_and_gradients(*arrays, states)
+    benchmark(values_and_gradients, *arrays, states)
     points = [np.linspace(*ends) for ends in zip(grid.lower, grid.upper, grid.shape, strict=True)]
     interpolate = RegularGridInterpolator(points, np.zeros(grid.shape))
     scipys = min(timeit.repeat(lambda: interpolate(states), number=20, repeat=5)) / 20
