@@ -5,6 +5,7 @@ The loop that drives knows nothing of pictures; here the two meet.
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,10 @@ from hj_cosim.locations import given_path, runs_folder
 from hj_cosim.planning.contract import Planner
 from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
 from hj_cosim.reachability.table.size_classes import classes_met
-from hj_cosim.reachability.table.sized import load_tables
+from hj_cosim.reachability.table.sized import kept_tables, load_tables
 from hj_cosim.reachability.table.store import load_table
 from hj_cosim.recording.run_folder import require_free_folder
+from hj_cosim.rehearsal import can_be_rehearsed, rehearsed
 from hj_cosim.settings import EpisodeConfig, Scenario, overlay
 from hj_cosim.traffic.sources.scenarios import scenario_data, scenario_path
 
@@ -108,7 +110,9 @@ def run_episode(
     if folder is not None:
         require_free_folder(folder)
     sizes = classes_met(config.scenario.bodies)
-    value_table = load_tables(config.table, sizes, tell.solving, robot=config.robot, announce=tell.announce)
+    is_first = not all(kept.is_solved for kept in kept_tables(config.table, config.robot, sizes))
+    with rehearsed(config) if is_first and can_be_rehearsed(config) else nullcontext():
+        value_table = load_tables(config.table, sizes, tell.solving, robot=config.robot, announce=tell.announce)
     if config.filter.priority == "belief":
         load_table(WORST_TABLE, tell.solving, robot=config.robot, announce=tell.announce)
     episode = run_in_sumo(config, value_table, tell.driving, tell.announce)

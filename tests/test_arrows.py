@@ -23,6 +23,7 @@ FLOORS = (
     ("traffic", "planning", "control"),
     ("analysis", "verification", "testing"),
     ("cosim",),
+    ("rehearsal",),
     ("study", "run", "training"),
     ("cli", "examples"),
     ("__main__",),

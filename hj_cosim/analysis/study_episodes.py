@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from hj_cosim.analysis.figures.gallery import table_of
+from hj_cosim.analysis.figures.run_table import table_of
 from hj_cosim.analysis.figures.stacks import varying_factors
 from hj_cosim.analysis.html import page, replay_parts
 from hj_cosim.analysis.plan_path import tracking_of

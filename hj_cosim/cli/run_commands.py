@@ -121,13 +121,15 @@ def figure(
     as_json: Json = False,
 ) -> None:
     """Draw a figure of the paper, or one beyond it, from our own data."""
-    from hj_cosim.analysis.figures.gallery import FIGURES, draw_figure
-    from hj_cosim.analysis.figures.style import save_drawing
+    from hj_cosim.analysis.figures.catalogue import FIGURES
 
     if name is None:
         rows = [{"name": key, "drawn_from": kind.source, "shows": kind.description} for key, kind in FIGURES.items()]
         show_rows("figures", rows, as_json)
         return
+    from hj_cosim.analysis.figures.gallery import draw_figure
+    from hj_cosim.analysis.figures.style import save_drawing
+
     folder = run or study
     target = out or (folder / "figures" if folder else runs_folder() / "figures") / name
     show_files(save_drawing(draw_figure(name, run=run, study=study), target), as_json)
@@ -140,7 +142,7 @@ def replay(
     as_json: Json = False,
 ) -> None:
     """Animate a run: the drive from above, the robot's plan, the cars in the colours of their values."""
-    from hj_cosim.analysis.figures.gallery import table_of
+    from hj_cosim.analysis.figures.run_table import table_of
     from hj_cosim.analysis.replay import write_replay
     from hj_cosim.recording.run_folder import read_run
 

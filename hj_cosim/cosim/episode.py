@@ -35,7 +35,8 @@ from hj_cosim.recording.record import COLLISION, DURATION, RunRecord
 from hj_cosim.recording.run_folder import Keep, write_run
 from hj_cosim.recording.summary_file import summary_html, summary_sentence
 from hj_cosim.recording.versions import TABLE, program_versions
-from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target, is_possible
+from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target
+from hj_cosim.scene.possible import is_possible
 from hj_cosim.settings import EpisodeConfig
 from hj_cosim.traffic.contract import World, WorldWithRogues
 from hj_cosim.traffic.sumo.own_world import OwnWorld

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numba import njit
 
+from hj_cosim.metrics.declared_paper import SAFE_TTC
 from hj_cosim.metrics.jerk_and_turning import step_of
-from hj_cosim.metrics.threats import SAFE_TTC
 from hj_cosim.recording.record import RunRecord
 from hj_cosim.settings import FilterSettings
 from hj_cosim.vehicles.rss import lateral_distance, longitudinal_distance

@@ -9,7 +9,6 @@ from numba import njit
 from hj_cosim.metrics.rectangles import rectangle_distance, rectangles_overlap, time_to_overlap
 from hj_cosim.recording.record import RobotTrack, ThreatTrack, TrafficTrack
 
-SAFE_TTC = 3.0  # s, the paper's boundary between safe and unsafe
 BRAKE_LIMIT = 5.0  # m/s², what BTN is relative to
 STEER_LIMIT = 2.5  # m/s², what STN is relative to
 

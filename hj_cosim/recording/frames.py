@@ -12,7 +12,7 @@ from hj_cosim.recording.columns import name_column, numeric_column, text_column
 from hj_cosim.recording.record import ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack
 from hj_cosim.recording.roles import role_column
 from hj_cosim.scene.road_text import road_to_json
-from hj_cosim.vehicles.idm import PARAMETER_NAMES
+from hj_cosim.vehicles.drivers import PARAMETER_NAMES
 
 if TYPE_CHECKING:
     import pandas as pd  # imported by pyarrow where a DataFrame is asked for

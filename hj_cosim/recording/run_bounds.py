@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from hj_cosim.recording.columns import numbers_of
 from hj_cosim.scene.observation import FARTHEST
 from hj_cosim.scene.road import Road, StraightRoad
 from hj_cosim.scene.road_text import MOST_LANES, WIDEST_LANE
@@ -61,7 +62,7 @@ def plain_numbers(column: pa.Array | pa.ChunkedArray, name: str) -> np.ndarray:
     """Return numbers without nulls."""
     if column.null_count:
         raise ValueError(f"column {name} has {column.null_count} rows without a number")
-    return np.asarray(column.to_numpy(zero_copy_only=False) if isinstance(column, pa.Array) else column.to_numpy())
+    return numbers_of(column)
 
 
 def require_times(time: np.ndarray) -> None:

@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 from hj_cosim.errors import ConfigurationError, HjCosimError, RunFolderError
 from hj_cosim.files import naming_the_place, remove_abandoned, require_writable, temporary_folder
 from hj_cosim.locations import given_path
+from hj_cosim.recording.columns import name_numbers
 from hj_cosim.recording.frames import ROAD_KEY, TRAFFIC_FLOATS, RunFrames, driver_table, robot_table, trajectory_table
 from hj_cosim.recording.record import DURATION, NO_VEHICLE, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
 from hj_cosim.recording.roles import rogues_of
@@ -267,7 +268,7 @@ def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> Ru
         if field.name not in robot.column_names:
             raise ValueError(f"{ROBOT} has no column {field.name}")
     require_finite({name: columns[name] for name in _ROBOT_STATE})
-    columns["value_vehicle"] = _vehicle_numbers(robot["value_vehicle"].combine_chunks())
+    columns["value_vehicle"] = name_numbers(robot["value_vehicle"].combine_chunks(), NO_VEHICLE)
     if columns["value_vehicle"].max(initial=0) >= max(len(names), 1):
         raise ValueError(f"{ROBOT} names a vehicle that {TRAJECTORIES} does not have")
     return RunRecord(
@@ -289,8 +290,3 @@ def _vehicle_names(trajectories: pq.ParquetFile) -> list[str]:
     if not names or not all(isinstance(name, str) for name in names):
         raise ValueError(f"{TRAJECTORIES} names no vehicle")
     return names
-
-
-def _vehicle_numbers(vehicle: pa.DictionaryArray) -> np.ndarray:
-    """Return (T,) vehicle numbers of robot.parquet's names; NO_VEHICLE where there is none."""
-    return np.asarray(vehicle.indices.fill_null(NO_VEHICLE))

@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 # m, rad and m/s: no road reaches farther, and nothing is faster. What is beyond is as broken as NaN.
 FARTHEST = 1e7
@@ -84,20 +83,3 @@ class Control:
 
     omega: float  # rad/s, ω_r, how fast it turns against the road: its yaw rate on a straight one
     acceleration: float  # m/s², a_r
-
-
-@njit(cache=True)
-def is_possible(robot: np.ndarray, x: np.ndarray, y: np.ndarray, heading: np.ndarray, speed: np.ndarray) -> bool:
-    """Return whether an observation's robot (4,) and other cars' states (J,) are all within ± FARTHEST, none NaN."""
-    for i in range(4):
-        if not abs(robot[i]) <= FARTHEST:
-            return False
-    for j in range(len(x)):
-        if not (
-            abs(x[j]) <= FARTHEST
-            and abs(y[j]) <= FARTHEST
-            and abs(heading[j]) <= FARTHEST
-            and abs(speed[j]) <= FARTHEST
-        ):
-            return False
-    return True

@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from hj_cosim.scene.road import Road, StraightRoad
-from hj_cosim.scene.route_road import RouteRoad
 
 MOST_LANES = 100
 WIDEST_LANE = 100.0  # m
@@ -63,6 +62,9 @@ def road_to_json(road: Road) -> str:
     """
     if isinstance(road, StraightRoad):
         return json.dumps(asdict(road))
+    # Numba and SciPy, with which a route is looked up, take longer to import than a straight drive to read.
+    from hj_cosim.scene.route_road import RouteRoad
+
     if isinstance(road, RouteRoad):
         return json.dumps({each.name: _plain(getattr(road, each.name)) for each in fields(road)})
     raise TypeError(f"only straight roads and routes can be written, not a {type(road).__name__}")
@@ -80,6 +82,8 @@ def road_from_json(text: str | bytes) -> Road:
     """
     try:
         if b'"knots"' in (text.encode() if isinstance(text, str) else text):
+            from hj_cosim.scene.route_road import RouteRoad  # as above
+
             written = _WrittenRoute.model_validate_json(text)
             return RouteRoad(
                 lane_count=written.lane_count,

@@ -14,7 +14,6 @@ from functools import cached_property
 
 import numpy as np
 from numba import njit
-from scipy.interpolate import CubicSpline
 
 from hj_cosim.scene.road import Coordinate
 
@@ -149,6 +148,10 @@ class RouteRoad:
     @cached_property
     def _coefficients(self) -> np.ndarray:
         """The spline's (2, 4, knots − 1)."""
+        from scipy.interpolate import (
+            CubicSpline,
+        )  # which takes a quarter of a second that a straight road has not to pay
+
         along = self._spacing * np.arange(len(self.knots))
         ends = "periodic" if self.lap else "not-a-knot"
         return np.ascontiguousarray(np.moveaxis(CubicSpline(along, self.knots, bc_type=ends).c, 2, 0))

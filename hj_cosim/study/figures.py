@@ -6,7 +6,7 @@ import pandas as pd
 
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
 from hj_cosim.analysis.figures.density_sweep import density_sweep
-from hj_cosim.analysis.figures.gallery import scenario_densities
+from hj_cosim.analysis.figures.of_study import scenario_densities
 from hj_cosim.analysis.figures.stacks import varying_factors
 from hj_cosim.analysis.figures.style import save_drawing
 from hj_cosim.analysis.figures.trade_off import trade_off

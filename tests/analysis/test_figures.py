@@ -1,3 +1,4 @@
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -6,14 +7,15 @@ import pytest
 from PIL import Image
 
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
+from hj_cosim.analysis.figures.catalogue import FIGURES
 from hj_cosim.analysis.figures.control_sets import control_sets
 from hj_cosim.analysis.figures.density_sweep import density_sweep
-from hj_cosim.analysis.figures.gallery import FIGURES, draw_figure
+from hj_cosim.analysis.figures.gallery import draw_figure
 from hj_cosim.analysis.figures.highway import highway
 from hj_cosim.analysis.figures.planner_comparison import planner_comparison
 from hj_cosim.analysis.figures.schematic import BOXED_IN, boxed_in
 from hj_cosim.analysis.figures.snapshots import SNAPSHOTS, snapshots
-from hj_cosim.analysis.figures.style import save_drawing
+from hj_cosim.analysis.figures.style import Drawing, columns_of, save_drawing
 from hj_cosim.analysis.figures.timeline import timeline
 from hj_cosim.analysis.figures.trade_off import trade_off
 from hj_cosim.analysis.figures.value_along_drive import value_along_drive
@@ -35,6 +37,21 @@ def test_the_timeline_holds_the_record(run):
     np.testing.assert_array_equal(data.speed, run.record.robot.speed)
     np.testing.assert_array_equal(data.ttc, run.record.threats.ttc)
     np.testing.assert_array_equal(data.lane_position * 4.0, run.record.robot.y)
+
+
+def test_the_data_of_a_figure_are_read_back_from_its_csv_digit_for_digit(run, tmp_path):
+    drawing = timeline(run)
+    run.record.threats.ttc[3], run.record.robot.value[4] = np.nan, np.inf
+    save_drawing(drawing, tmp_path / "timeline.csv")
+    with (tmp_path / "timeline.csv").open(newline="") as file:
+        written = list(csv.DictReader(file))
+    assert list(written[0]) == list(drawing.data)
+    for name in ("time", "speed", "value", "ttc", "plan_lane"):
+        np.testing.assert_array_equal([float(row[name] or "nan") for row in written], drawing.data[name])
+    assert [row["intervening"] == "True" for row in written] == drawing.data.intervening.tolist()
+    rows = [{"name": "a, b", "value": 1.0}, {"name": 'c"d'}]
+    save_drawing(Drawing(drawing.figure, columns_of(rows)), tmp_path / "rows.csv")
+    assert (tmp_path / "rows.csv").read_text() == 'name,value\n"a, b",1.0\n"c""d",\n'
 
 
 def test_the_snapshots_span_the_drive_and_show_only_cars_in_view(run):

@@ -13,7 +13,8 @@ import pytest
 import tomli_w
 
 from hj_cosim.analysis.export import export_run
-from hj_cosim.analysis.figures.gallery import draw_figure, table_of
+from hj_cosim.analysis.figures.gallery import draw_figure
+from hj_cosim.analysis.figures.run_table import table_of
 from hj_cosim.analysis.figures.style import save_drawing
 from hj_cosim.analysis.report import write_report
 from hj_cosim.errors import RunFolderError, TableError

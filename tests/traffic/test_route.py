@@ -12,7 +12,8 @@ import pytest
 from hj_cosim.errors import ConfigurationError, NetworkError
 from hj_cosim.locations import scenarios_folder
 from hj_cosim.settings import NetworkSettings, validate
-from hj_cosim.traffic.route import read_network, smooth_knots
+from hj_cosim.traffic.route import read_network
+from hj_cosim.traffic.smoothing import smooth_knots
 
 REAL = Path(os.environ.get("HJ_COSIM_REAL_NETWORKS", "no such folder"))
 CURVES = scenarios_folder() / "curves.net.xml"

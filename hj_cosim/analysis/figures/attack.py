@@ -36,7 +36,7 @@ def attack(table: pd.DataFrame) -> style.Drawing:
         figure.legend(handles, names, loc="outside right center", title="95 % intervals")
     metrics = [f"{metric}{ending}" for metric, _ in ROWS for ending in ("", "_lo", "_hi")]
     data = table[[BEHAVIOUR, SHARE, *STACK_COLUMNS, "episodes", *metrics]]
-    return style.Drawing(figure, data.reset_index(drop=True))
+    return style.Drawing(figure, dict(data.items()))
 
 
 def _draw(axes: Axes, rows: pd.DataFrame, metric: str) -> None:

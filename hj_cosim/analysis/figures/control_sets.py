@@ -1,7 +1,6 @@
 """The safe controls of SPC and RSS at one moment of a run, and what MI and SW choose among them."""
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -49,7 +48,7 @@ def control_sets(run: Run, table: ValueTable, time: float | None = None) -> styl
             axes.set_xlabel("ω (rad/s)")
         panels[0].set_ylabel("a (m/s²)")
         panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="orange: all\nrows are met")
-    return style.Drawing(figure, pd.DataFrame(_rows(results)))
+    return style.Drawing(figure, style.columns_of(_rows(results)))
 
 
 def _busiest_sample(run: Run) -> int:

@@ -45,6 +45,4 @@ def density_sweep(table: pd.DataFrame, densities: Mapping[str, float]) -> style.
         handles, names = panels[0, 0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside right center", title="95 % intervals")
     metrics = [f"{metric}{ending}" for metric, _ in PANELS for ending in ("", "_lo", "_hi")]
-    return style.Drawing(
-        figure, rows[["scenario", "density", *beside, *STACK_COLUMNS, *metrics]].reset_index(drop=True)
-    )
+    return style.Drawing(figure, dict(rows[["scenario", "density", *beside, *STACK_COLUMNS, *metrics]].items()))

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
@@ -48,7 +47,7 @@ def drive_map(run: Run) -> style.Drawing:
         axes.annotate("start", way[0], xytext=(4, 4), textcoords="offset points", fontsize=7)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x (m)", ylabel="y (m)")
         figure.colorbar(pieces, ax=axes, label="speed (m/s)", pad=0.01)
-    return style.Drawing(figure, pd.DataFrame({"time": record.time, "x": x, "y": y, "speed": robot.speed}))
+    return style.Drawing(figure, {"time": record.time, "x": x, "y": y, "speed": robot.speed})
 
 
 def _network_lanes(run: Run) -> list[np.ndarray]:

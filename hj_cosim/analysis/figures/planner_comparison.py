@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -56,7 +55,7 @@ def planner_comparison(
                 axes.set_xticks([])
                 rows += _rows(label, step * chosen.action_time, path)
                 now, target = _one_step_on(now, path, chosen.action_time), plan.target
-    return style.Drawing(figure, pd.DataFrame(rows))
+    return style.Drawing(figure, style.columns_of(rows))
 
 
 def _plan_path(plan: Plan) -> np.ndarray:

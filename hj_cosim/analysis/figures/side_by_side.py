@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.timeline import LARGEST_TTC, VALUE_TICKS
-from hj_cosim.metrics.threats import SAFE_TTC
+from hj_cosim.metrics.declared_paper import SAFE_TTC
 from hj_cosim.recording.run_folder import Run
 
 # Each run differs from the others in colour and in its dashes, for those who print in grey.
@@ -47,7 +47,7 @@ def side_by_side(runs: Mapping[str, Run]) -> style.Drawing:
         _draw_interventions(panels[4], data)
         handles, names = panels[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper left", ncols=2 if len(runs) > 1 else 1)
-    return style.Drawing(figure, data)
+    return style.Drawing(figure, dict(data.items()))
 
 
 def _columns(label: str, run: Run) -> pd.DataFrame:

@@ -1,7 +1,6 @@
 """The drive from above: the same stretch of road around the robot at evenly spaced times."""
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -36,7 +35,7 @@ def snapshots(run: Run) -> style.Drawing:
             axes.set_xticks([])
             rows += scene_rows(record, sample, seen)
         _draw_scale(panels[-1], record.robot.x[samples[-1]] - BEHIND)
-    return style.Drawing(figure, pd.DataFrame(rows))
+    return style.Drawing(figure, style.columns_of(rows))
 
 
 def _caption(record: RunRecord, sample: int) -> str:

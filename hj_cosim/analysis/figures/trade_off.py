@@ -44,7 +44,7 @@ def trade_off(table: pd.DataFrame) -> style.Drawing:
         axes.set_title("Safer is up, faster is right")
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="mean, 95 % interval")
     shown = [f"{metric}{ending}" for metric in METRICS_SHOWN for ending in ("", "_lo", "_hi")]
-    return style.Drawing(figure, table[[*beside, *STACK_COLUMNS, *shown]].reset_index(drop=True))
+    return style.Drawing(figure, dict(table[[*beside, *STACK_COLUMNS, *shown]].items()))
 
 
 def _reach(rows: pd.DataFrame, metric: str) -> list[pd.Series]:

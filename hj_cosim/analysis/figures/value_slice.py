@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
@@ -69,4 +68,4 @@ def value_slice(
         )
     along, across = np.meshgrid(drawn.x, drawn.y)
     data = {drawn.x_name: along.ravel(), drawn.y_name: across.ravel(), "value": drawn.values.ravel()}
-    return style.Drawing(figure, pd.DataFrame(data))
+    return style.Drawing(figure, data)

@@ -9,7 +9,8 @@ from hj_cosim.reachability.table.lookup import smooth_gradient_at, value_and_gra
 from hj_cosim.reachability.table.size_classes import class_of, classes_of, offsets_in_class
 from hj_cosim.reachability.table.stack import grid_in
 from hj_cosim.reachability.table.table import ValueTable
-from hj_cosim.scene.observation import NOBODY, Cars, CarValues, Observation, is_possible
+from hj_cosim.scene.observation import NOBODY, Cars, CarValues, Observation
+from hj_cosim.scene.possible import is_possible
 
 SMOOTHED = 50.0  # m of V, above which no row is ever asked for
 

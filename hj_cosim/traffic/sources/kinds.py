@@ -43,11 +43,6 @@ def kinds_of(scenario: Scenario) -> tuple[Kind, ...]:
     return (Kind(rest, CAR_LENGTH, CAR_WIDTH, scenario.drivers), *others)
 
 
-def mean_length(scenario: Scenario) -> float:
-    """Return how long the drawn vehicles are on average, m."""
-    return CAR_LENGTH + sum(each.share * (each.length - CAR_LENGTH) for each in scenario.vehicles)
-
-
 def draw_kinds(kinds: Sequence[Kind], count: int, random: np.random.Generator) -> np.ndarray:
     """Return of which kind each of `count` vehicles is, (count,) int; nothing is drawn where all are cars."""
     if len(kinds) == 1:

@@ -9,9 +9,10 @@ import numpy as np
 
 from hj_cosim.errors import ScenarioError
 from hj_cosim.scene.road import Road
-from hj_cosim.settings import RobotSettings, Scenario, TrafficSettings
+from hj_cosim.settings import RobotSettings, Scenario
 from hj_cosim.traffic.settling import robot_driver
-from hj_cosim.traffic.sources.kinds import CARS, draw_kinds, draw_people, kinds_of, mean_length
+from hj_cosim.traffic.sources.density import density, mean_length, mean_spacing, stream_speed
+from hj_cosim.traffic.sources.kinds import CARS, draw_kinds, draw_people, kinds_of
 from hj_cosim.vehicles.car import CAR_LENGTH
 from hj_cosim.vehicles.idm import (
     DESIRED_SPEED,
@@ -40,25 +41,6 @@ class InitialTraffic:
     length: np.ndarray  # (J,) m
     width: np.ndarray  # (J,) m
     robot: np.ndarray  # (4,) p_x, p_y, θ, v
-
-
-def mean_spacing(traffic: TrafficSettings, lane_count: int) -> float:
-    """Return the mean distance (m) from a car to the next one in whichever lane, 1.5 v exp(−5 n/30) times a factor."""
-    if traffic.density is not None:
-        return 1000.0 / (traffic.density * lane_count)
-    speed = 0.5 * (traffic.speed_low + traffic.speed_high)
-    return traffic.spacing_factor * 1.5 * speed * math.exp(-5.0 * lane_count / 30.0)
-
-
-def density(traffic: TrafficSettings, lane_count: int) -> float:
-    """Return the cars per km and lane."""
-    return 1000.0 / (mean_spacing(traffic, lane_count) * lane_count)
-
-
-def stream_speed(scenario: Scenario, lane_count: int) -> float:
-    """Return the speed (m/s) that a mean driver keeps when every lane holds the scenario's density evenly."""
-    gap = mean_spacing(scenario.traffic, lane_count) * lane_count - mean_length(scenario)
-    return equilibrium_speed(gap, mean_driver(scenario.drivers)) if gap > 0.0 else 0.0
 
 
 def initial_traffic(scenario: Scenario, road: Road, robot: RobotSettings, seed: int) -> InitialTraffic:
