@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,17 @@ def test_the_snapshots_span_the_drive_and_show_only_cars_in_view(run):
     assert (data.time.min(), data.time.max()) == (0.0, run.record.time[-1])
     robot = data[data.vehicle == "robot"].set_index("time").x
     assert (np.abs(data.x - data.time.map(robot)) < 115.0).all()
+
+
+def test_snapshots_ring_each_car_as_opaquely_as_its_driver_is_believed_to_mean_harm(run):
+    belief = np.full(run.record.traffic.x.shape, 0.25)
+    drawn = snapshots(replace(run, record=replace(run.record, belief=belief))).figure.axes[0]
+    rings = [
+        found for found in drawn.collections if (found.get_edgecolor()[:, 3] == 0.25).all() and len(found.get_paths())
+    ]
+    assert len(rings) == 1
+    assert len(rings[0].get_paths()) == (snapshots(run).data.query("time == 0 and vehicle != 'robot'").shape[0])
+    assert all(len(found.get_edgecolor()) <= 1 for found in snapshots(run).figure.axes[0].collections)
 
 
 def test_the_highway_shows_the_moment_of_the_least_value(run, table):
