@@ -19,6 +19,8 @@ from hj_cosim.analysis.figures.schematic import boxed_in, schematic
 from hj_cosim.analysis.figures.snapshots import snapshots
 from hj_cosim.analysis.figures.stacks import STACK_COLUMNS
 from hj_cosim.analysis.figures.style import Drawing
+from hj_cosim.analysis.figures.target_sets import TABLE as TARGET_TABLE
+from hj_cosim.analysis.figures.target_sets import target_sets
 from hj_cosim.analysis.figures.timeline import timeline
 from hj_cosim.analysis.figures.trade_off import METRICS_SHOWN, trade_off
 from hj_cosim.analysis.figures.value_along_drive import value_along_drive
@@ -72,6 +74,11 @@ def _attack_of(folder: Path) -> Drawing:
     return attack(read_study_table(folder / TABLE, (BEHAVIOUR, SHARE, *STACK_COLUMNS, "episodes", *metrics)))
 
 
+def _target_sets_of(folder: Path) -> Drawing:
+    metrics = [f"{metric}{ending}" for metric in METRICS_SHOWN for ending in ("", "_lo", "_hi")]
+    return target_sets(read_study_table(folder / TABLE, ("scenario", TARGET_TABLE, *STACK_COLUMNS, *metrics)))
+
+
 FIGURES: Mapping[str, FigureKind] = {
     "schematic": FigureKind("table", "the robot among cars, on the value function", schematic),
     "boxed-in": FigureKind("table", "the robot boxed in by four cars", boxed_in),
@@ -87,6 +94,7 @@ FIGURES: Mapping[str, FigureKind] = {
     ),
     "trade-off": FigureKind("study", "1st percentile of 2D TTC over mean speed, with intervals", _trade_off_of),
     "attack": FigureKind("study", "collisions and speed over the share of drivers who mean harm", _attack_of),
+    "target-sets": FigureKind("study", "2D TTC over mean speed by the value table, in each traffic", _target_sets_of),
     "density-sweep": FigureKind("study", "speed, safety and interventions over the density", _density_sweep_of),
 }
 
@@ -164,7 +172,7 @@ def read_study_table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
 
     Args:
         path: the file.
-        columns: what it must have; those not in TEXT_COLUMNS, and no rogues' behaviour, hold numbers.
+        columns: what it must have; those not in TEXT_COLUMNS, no rogues' behaviour and no table's name, hold numbers.
 
     Raises:
         RunFolderError: if it is missing, broken, too large, or has not those columns.
@@ -185,6 +193,6 @@ def read_study_table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     for name in columns:
         if name not in table:
             raise RunFolderError(f"{broken} has no column {name}")
-        if name not in (*TEXT_COLUMNS, BEHAVIOUR) and not pd.api.types.is_numeric_dtype(table[name]):
+        if name not in (*TEXT_COLUMNS, BEHAVIOUR, TARGET_TABLE) and not pd.api.types.is_numeric_dtype(table[name]):
             raise RunFolderError(f"{broken}: column {name} must be of numbers")
     return table
