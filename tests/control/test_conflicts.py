@@ -7,6 +7,8 @@ from scipy.optimize import linprog
 from hj_cosim.control.problem.nearest_control import NearestControl
 from hj_cosim.control.problem.safety_problem import SafetyRows
 from hj_cosim.control.spc.conflicts import robot_answers, severity
+from hj_cosim.control.spc.filter import SafetyPreservingFilter
+from hj_cosim.reachability.table.cars import car_values
 from hj_cosim.scene.observation import Control, Observation
 from hj_cosim.settings import FilterSettings, RobotSettings
 from hj_cosim.settings.episode import robot_and_filter
@@ -99,3 +101,17 @@ def test_of_equals_the_one_with_less_left_counts_more():
 
 def test_the_paper_misses_all_alike():
     assert robot_and_filter("paper")[1].conflicts == "equal"
+
+
+def test_spc_brakes_for_who_is_ahead_though_somebody_follows_too_closely(table):
+    cars = scene((11.0, 0.0), (-8.0, 0.0))
+    closing = Observation(**{**vars(cars), "speed": np.array([12.0, 28.0])})
+    values, found = car_values(table, closing), {}
+    for conflicts in ("equal", "responsibility"):
+        spc = SafetyPreservingFilter(FilterSettings(conflicts=conflicts), ROBOT, table, 0.02)
+        decision = spc.filter(closing, values, Control(0.0, 0.0))
+        assert not decision.meetable
+        found[conflicts] = decision.control.acceleration
+        missed = -decision.rows.margins(decision.control.omega, decision.control.acceleration)
+        assert decision.slack == pytest.approx(missed.max(), rel=1e-3)
+    assert found["responsibility"] < found["equal"] - 1.0
