@@ -1,6 +1,7 @@
 """The Intelligent Driver Model (Treiber, Hennecke, Helbing 2000)."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -27,6 +28,40 @@ PARAMETER_NAMES = (
 SMALLEST_GAP = 0.1
 
 
+class Following(NamedTuple):
+    """What IDM makes of a car at its speed, whoever is ahead: the terms that need not be worked out for each leader."""
+
+    speed: float  # v, m/s
+    max_acceleration: float  # a, m/s²
+    free: float  # (v/v_0)^δ
+    headway: float  # v T, m
+    braking: float  # 2 √(a b), m/s²
+    minimum_gap: float  # s_0, m
+
+
+@njit(cache=True)
+def following(speed: float, driver: np.ndarray) -> Following:
+    """Return IDM's terms of a car at `speed` (m/s) with the parameters `driver` (6,), in this module's order."""
+    max_acceleration = driver[MAX_ACCELERATION]
+    ratio = max(speed, 0.0) / driver[DESIRED_SPEED]
+    if driver[EXPONENT] == 4.0:  # the usual exponent, some ten times cheaper than pow
+        free = ratio * ratio * ratio * ratio
+    else:
+        free = ratio ** driver[EXPONENT]
+    braking = 2.0 * math.sqrt(max_acceleration * driver[COMFORTABLE_DECELERATION])
+    return Following(speed, max_acceleration, free, speed * driver[TIME_HEADWAY], braking, driver[MINIMUM_GAP])
+
+
+@njit(cache=True)
+def acceleration_behind(car: Following, gap: float, lead_speed: float) -> float:
+    """Return IDM's acceleration of a car behind a leader; arguments and result as `idm_acceleration` has them."""
+    if gap == math.inf:
+        return car.max_acceleration * (1.0 - car.free)
+    dynamic = car.headway + car.speed * (car.speed - lead_speed) / car.braking
+    interaction = (car.minimum_gap + max(0.0, dynamic)) / max(gap, SMALLEST_GAP)
+    return car.max_acceleration * (1.0 - car.free - interaction * interaction)
+
+
 @njit(cache=True)
 def idm_acceleration(speed: float, gap: float, lead_speed: float, driver: np.ndarray) -> float:
     """Return IDM's acceleration a [1 − (v/v_0)^δ − (s*/s)²], with s* = s_0 + max(0, v T + v Δv / (2 √(a b))).
@@ -40,20 +75,7 @@ def idm_acceleration(speed: float, gap: float, lead_speed: float, driver: np.nda
     Returns:
         The acceleration, m/s²; not limited from below.
     """
-    max_acceleration = driver[MAX_ACCELERATION]
-    ratio = max(speed, 0.0) / driver[DESIRED_SPEED]
-    if driver[EXPONENT] == 4.0:  # the usual exponent, some ten times cheaper than pow
-        free = ratio * ratio * ratio * ratio
-    else:
-        free = ratio ** driver[EXPONENT]
-    if gap == math.inf:
-        return max_acceleration * (1.0 - free)
-    dynamic = speed * driver[TIME_HEADWAY] + speed * (speed - lead_speed) / (
-        2.0 * math.sqrt(max_acceleration * driver[COMFORTABLE_DECELERATION])
-    )
-    desired_gap = driver[MINIMUM_GAP] + max(0.0, dynamic)
-    interaction = desired_gap / max(gap, SMALLEST_GAP)
-    return max_acceleration * (1.0 - free - interaction * interaction)
+    return acceleration_behind(following(speed, driver), gap, lead_speed)
 
 
 @njit(cache=True)

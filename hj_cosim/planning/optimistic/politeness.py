@@ -61,7 +61,7 @@ def _braking_behind(scene: Scene, robot: int, car: int, model: PredictionModel) 
     branch = scene.place[BRANCH, car]
     position, speed = scene.motion[branch, POSITION, car], scene.motion[branch, SPEED, car]
     reach = 0.5 * (scene.state[LENGTH, car] + scene.state[LENGTH, robot])
-    hardest, driver = 0.0, driver_of(car, scene, model)
+    hardest, driver = 0.0, driver_of(car, scene)
     for now in range(1, model.steps + 1):
         ahead = scene.robot_motion[POSITION, now] - position[now]
         if ahead > 0.0:

@@ -24,8 +24,16 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from hj_cosim.vehicles.idm import idm_acceleration
-from hj_cosim.vehicles.mobil import GAIN_THRESHOLD, NOBODY, POLITENESS, lane_change_incentive
+from hj_cosim.vehicles.idm import Following, acceleration_behind, following, idm_acceleration
+from hj_cosim.vehicles.mobil import (
+    GAIN_THRESHOLD,
+    NOBODY,
+    POLITENESS,
+    SAFE_BRAKING,
+    follower_in_lane,
+    is_safe_change,
+    lane_change_incentive,
+)
 
 # Rows of a scene's state, an array (5, M): a column for each of the M vehicles, in the order of their positions.
 POSITION = 0  # m along the road
@@ -54,9 +62,8 @@ HARDEST_BRAKING = 9.0  # m/s²
 class PredictionModel(NamedTuple):
     """What the prediction depends on and no plan changes."""
 
-    # The mean driver's IDM parameters, as a tuple, of which kernels keep sums and roots in registers; and what can be
-    # expected of each vehicle's driver, by its number, (M, 6), which is the same for all unless they are told apart.
-    driver: tuple[float, float, float, float, float, float]
+    # What can be expected of each vehicle's driver, its IDM parameters by its number, (M, 6); the same for all unless
+    # they are told apart.
     drivers: np.ndarray
     tells_apart: bool
     mobil: np.ndarray  # (3,) MOBIL's parameters
@@ -139,10 +146,8 @@ def order_drivers(scene: Scene, model: PredictionModel) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def driver_of(car: int, scene: Scene, model: PredictionModel) -> tuple[float, float, float, float, float, float]:
-    """Return what is expected of the driver in a column: the mean driver unless they are told apart."""
-    if not model.tells_apart:
-        return model.driver
+def driver_of(car: int, scene: Scene) -> tuple[float, float, float, float, float, float]:
+    """Return what is expected of the driver in a column, as numbers that kernels keep in registers."""
     one = scene.drivers[car]
     return one[0], one[1], one[2], one[3], one[4], one[5]
 
@@ -154,120 +159,102 @@ def decide_and_find_leaders(scene: Scene, robot: int, model: PredictionModel) ->
     One sweep from the front to the back remembers the last vehicle seen in each lane. A car that begins to change
     lanes is in both for those behind it, so that no two take the same gap at once.
     """
-    lane, second_lane = scene.place[LANE], scene.place[SECOND_LANE]
-    everybody = Vehicles(scene.state[POSITION], scene.state[SPEED], lane, second_lane, scene.state[LENGTH])
-    leader, follows_in = scene.place[LEADER], scene.place[FOLLOWS_IN]
-    vehicles, cars = scene.nearest[0], scene.nearest[1]
+    _sweep(
+        scene.state, scene.place, scene.drivers, scene.nearest, robot, (model.first_lane, model.stop_lane), model.mobil
+    )
+
+
+# From here on arrays are handed over one by one: taken out of a tuple, each would have its references counted, with
+# atomic operations, once a call: three quarters of the time that a car takes.
+@njit(cache=True, error_model="numpy")
+def _sweep(
+    state: np.ndarray,
+    place: np.ndarray,
+    drivers: np.ndarray,
+    nearest: np.ndarray,
+    robot: int,
+    lanes: tuple[int, int],
+    mobil: np.ndarray,
+) -> None:
+    """Do what decide_and_find_leaders says; the first lane and the one after the last are those to change to."""
+    vehicles, cars = nearest[0], nearest[1]
     vehicles[:] = NOBODY
     cars[:] = NOBODY
     taken = 0  # the lanes in which the nearest car behind the robot has been found
-    for car in range(len(lane) - 1, -1, -1):
+    for car in range(place.shape[1] - 1, -1, -1):
+        lane, second_lane = place[LANE, car], place[SECOND_LANE, car]
         if car != robot:
-            if lane[car] == second_lane[car] and vehicles[lane[car]] != NOBODY:
-                lane[car] = wanted_lane(car, vehicles, everybody, scene, model)
-            ahead, other_ahead = cars[lane[car]], cars[second_lane[car]]
-            leader[car] = other_ahead if ahead == NOBODY or NOBODY < other_ahead < ahead else ahead
-            follows_in[car] = 0
+            if lane == second_lane and vehicles[lane] != NOBODY:
+                lane = wanted_lane(car, vehicles, state, place, drivers, lanes, mobil)
+                place[LANE, car] = lane
+            ahead, other_ahead = cars[lane], cars[second_lane]
+            place[LEADER, car] = other_ahead if ahead == NOBODY or NOBODY < other_ahead < ahead else ahead
+            place[FOLLOWS_IN, car] = 0
             if car < robot:
-                lanes = (1 << lane[car]) | (1 << second_lane[car])
-                follows_in[car] = lanes & ~taken
-                taken |= lanes
-            cars[lane[car]] = car
-            cars[second_lane[car]] = car
-        vehicles[lane[car]] = car
-        vehicles[second_lane[car]] = car
+                occupied = (1 << lane) | (1 << second_lane)
+                place[FOLLOWS_IN, car] = occupied & ~taken
+                taken |= occupied
+            cars[lane] = car
+            cars[second_lane] = car
+        vehicles[lane] = car
+        vehicles[second_lane] = car
 
 
 @njit(cache=True, error_model="numpy")
-def wanted_lane(car: int, ahead: np.ndarray, vehicles: Vehicles, scene: Scene, model: PredictionModel) -> int:
+def wanted_lane(
+    car: int,
+    ahead: np.ndarray,
+    state: np.ndarray,
+    place: np.ndarray,
+    drivers: np.ndarray,
+    lanes: tuple[int, int],
+    mobil: np.ndarray,
+) -> int:
     """Return the lane that a car drives to by MOBIL, its own where it stays.
 
-    Without politeness no lane is wanted in which the car itself would not gain more than the threshold, and that
-    is seen from the vehicles ahead alone; only the few lanes that pass are asked of MOBIL.
+    What a car itself would gain is seen from the vehicles ahead alone. Without politeness that is the incentive, so
+    that who is behind is only looked for in lanes that are worth it.
 
     Args:
         car: its column.
         ahead: (lanes,) the nearest vehicle ahead of it in each lane.
-        vehicles: of the scene.
-        scene: with the drivers in order.
-        model: the lanes, and the drivers' parameters.
+        state, place: of the scene.
+        drivers: (M, 6) in the order of the scene.
+        lanes: the first lane that it may want, and the one after the last.
+        mobil: (3,) MOBIL's parameters.
     """
-    mobil = model.mobil
-    position, speed, lane, second_lane, length = vehicles
-    here, driver = lane[car], driver_of(car, scene, model)
+    here, itself = place[LANE, car], following(state[SPEED, car], drivers[car])
     wanted, best = here, 0.0
-    now = acceleration_behind(ahead[here], car, vehicles, driver)
+    now = acceleration_in_lane(ahead[here], car, itself, state)
     for target in (here + 1, here - 1):  # the left first: it wins a tie
-        if target < model.first_lane or target >= model.stop_lane:
+        if target < lanes[0] or target >= lanes[1]:
             continue
+        incentive = acceleration_in_lane(ahead[target], car, itself, state) - now - mobil[GAIN_THRESHOLD]
+        if mobil[POLITENESS] == 0.0 and incentive <= best:
+            continue
+        position, speed, lane, second_lane = state[POSITION], state[SPEED], place[LANE], place[SECOND_LANE]
         if mobil[POLITENESS] == 0.0:
-            gain = acceleration_behind(ahead[target], car, vehicles, driver) - now
-            if gain <= mobil[GAIN_THRESHOLD]:
+            behind = follower_in_lane(car, target, lane, second_lane)
+            if not is_safe_change(
+                car, ahead[target], behind, position, speed, state[LENGTH], drivers, mobil[SAFE_BRAKING]
+            ):
                 continue
-        incentive = lane_change_incentive(car, target, position, speed, lane, second_lane, length, scene.drivers, mobil)
+        else:
+            incentive = lane_change_incentive(
+                car, target, position, speed, lane, second_lane, state[LENGTH], drivers, mobil
+            )
         if incentive > best:
             wanted, best = target, incentive
     return wanted
 
 
 @njit(cache=True, error_model="numpy")
-def acceleration_behind(leader: int, car: int, vehicles: Vehicles, driver: tuple[float, ...]) -> float:
+def acceleration_in_lane(leader: int, car: int, itself: Following, state: np.ndarray) -> float:
     """Return IDM's acceleration of a car behind `leader`, or on a free road where that is NOBODY, m/s²."""
-    position, speed, length = vehicles.position, vehicles.speed, vehicles.length
     if leader == NOBODY:
-        return idm_acceleration(speed[car], math.inf, 0.0, driver)
-    gap = position[leader] - position[car] - 0.5 * (length[leader] + length[car])
-    return idm_acceleration(speed[car], gap, speed[leader], driver)
-
-
-@njit(cache=True, error_model="numpy")
-def follow(
-    car: int,
-    branch: int,
-    leader_branch: int,
-    robot_gap: float,
-    lanes: int,
-    scene: Scene,
-    driver: tuple[float, ...],
-    step: float,
-) -> None:
-    """Drive one car through the action behind its leader, or behind the robot while that is nearer.
-
-    The acceleration is held through each step and the speed stops at 0 (the ballistic update).
-
-    Args:
-        car: its column in the scene.
-        branch: the motion to write, SHARED or REACTING.
-        leader_branch: the motion in which its leader drives.
-        robot_gap: half the lengths of the car and the robot, m.
-        lanes: bit set of the lanes in which it follows the robot; 0 for none.
-        scene: whose motion is written.
-        driver: IDM parameters.
-        step: s.
-    """
-    state, motion = scene.state, scene.motion
-    leader = scene.place[LEADER, car]
-    leader_gap = 0.5 * (state[LENGTH, leader] + state[LENGTH, car])  # not read where there is no leader
-    position, speed = state[POSITION, car], state[SPEED, car]
-    motion[branch, POSITION, car, 0] = position
-    motion[branch, SPEED, car, 0] = speed
-    for now in range(motion.shape[3] - 1):
-        gap, ahead_speed = math.inf, 0.0
-        if leader != NOBODY:
-            gap = motion[leader_branch, POSITION, leader, now] - position - leader_gap
-            ahead_speed = motion[leader_branch, SPEED, leader, now]
-        if lanes & scene.robot_lanes[now]:
-            to_robot = scene.robot_motion[POSITION, now] - position
-            if to_robot > 0.0 and to_robot - robot_gap < gap:
-                gap, ahead_speed = to_robot - robot_gap, scene.robot_motion[SPEED, now]
-        acceleration = 0.0
-        if gap < math.inf:
-            acceleration = max(idm_acceleration(speed, gap, ahead_speed, driver), -HARDEST_BRAKING)
-        next_speed = max(speed + acceleration * step, 0.0)
-        position += 0.5 * (speed + next_speed) * step
-        speed = next_speed
-        motion[branch, POSITION, car, now + 1] = position
-        motion[branch, SPEED, car, now + 1] = speed
+        return acceleration_behind(itself, math.inf, 0.0)
+    gap = state[POSITION, leader] - state[POSITION, car] - 0.5 * (state[LENGTH, leader] + state[LENGTH, car])
+    return acceleration_behind(itself, gap, state[SPEED, leader])
 
 
 @njit(cache=True, error_model="numpy")
@@ -282,18 +269,73 @@ def drive_cars(scene: Scene, robot: int, occupied: int, branch: int, model: Pred
         branch: which cars drive; those of the other branch are only marked.
         model: the prediction's.
     """
-    place = scene.place
-    for car in range(place.shape[1] - 1, -1, -1):
+    state, place, motion, robot_motion = scene.state, scene.place, scene.motion, scene.robot_motion
+    drivers, robot_lanes, step = scene.drivers, scene.robot_lanes, model.step
+    # Whoever is ahead of the robot does not react to it, and has been marked when the shared motion was driven.
+    first = place.shape[1] - 1 if branch == SHARED else robot - 1
+    for car in range(first, -1, -1):
         if car == robot:
             continue
-        leader_branch = SHARED
-        if place[LEADER, car] != NOBODY:
-            leader_branch = place[BRANCH, place[LEADER, car]]
+        leader, leader_branch = place[LEADER, car], SHARED
+        if leader != NOBODY:
+            leader_branch = place[BRANCH, leader]
         lanes = place[FOLLOWS_IN, car] & occupied
         place[BRANCH, car] = REACTING if lanes != 0 or leader_branch == REACTING else SHARED
         if place[BRANCH, car] == branch:
-            robot_gap = 0.5 * (scene.state[LENGTH, car] + scene.state[LENGTH, robot])
-            follow(car, branch, leader_branch, robot_gap, lanes, scene, driver_of(car, scene, model), model.step)
+            robot_gap = 0.5 * (state[LENGTH, car] + state[LENGTH, robot])
+            behind = (leader, leader_branch, lanes, robot_gap)
+            _follow(car, branch, behind, state, motion, robot_motion, robot_lanes, drivers[car], step)
+
+
+# Nine parameters: arrays are handed over one by one, see above.
+@njit(cache=True, error_model="numpy")
+def _follow(
+    car: int,
+    branch: int,
+    behind: tuple[int, int, int, float],
+    state: np.ndarray,
+    motion: np.ndarray,
+    robot_motion: np.ndarray,
+    robot_lanes: np.ndarray,
+    driver: np.ndarray,
+    step: float,
+) -> None:
+    """Drive one car through the action behind its leader, or behind the robot while that is nearer.
+
+    The acceleration is held through each step and the speed stops at 0 (the ballistic update).
+
+    Args:
+        car: its column in the scene.
+        branch: the motion to write, SHARED or REACTING.
+        behind: the column of its leader, or NOBODY, and the motion in which that drives; the bit set of the lanes in
+            which it follows the robot, 0 for none; half the lengths of the car and the robot, m.
+        state, motion, robot_motion, robot_lanes: the scene's, of which `motion` is written.
+        driver: (6,) IDM parameters.
+        step: s.
+    """
+    leader, leader_branch, lanes, robot_gap = behind
+    parameters = (driver[0], driver[1], driver[2], driver[3], driver[4], driver[5])  # in registers
+    leader_gap = 0.5 * (state[LENGTH, leader] + state[LENGTH, car])  # not read where there is no leader
+    position, speed = state[POSITION, car], state[SPEED, car]
+    motion[branch, POSITION, car, 0] = position
+    motion[branch, SPEED, car, 0] = speed
+    for now in range(motion.shape[3] - 1):
+        gap, ahead_speed = math.inf, 0.0
+        if leader != NOBODY:
+            gap = motion[leader_branch, POSITION, leader, now] - position - leader_gap
+            ahead_speed = motion[leader_branch, SPEED, leader, now]
+        if lanes & robot_lanes[now]:
+            to_robot = robot_motion[POSITION, now] - position
+            if to_robot > 0.0 and to_robot - robot_gap < gap:
+                gap, ahead_speed = to_robot - robot_gap, robot_motion[SPEED, now]
+        acceleration = 0.0
+        if gap < math.inf:
+            acceleration = max(idm_acceleration(speed, gap, ahead_speed, parameters), -HARDEST_BRAKING)
+        next_speed = max(speed + acceleration * step, 0.0)
+        position += 0.5 * (speed + next_speed) * step
+        speed = next_speed
+        motion[branch, POSITION, car, now + 1] = position
+        motion[branch, SPEED, car, now + 1] = speed
 
 
 @njit(cache=True, error_model="numpy")

@@ -45,7 +45,7 @@ from hj_cosim.planning.optimistic.prediction import (
 from hj_cosim.planning.optimistic.reward import RewardModel, total_reward
 from hj_cosim.reachability.table.lookup import shift_of_grid, value_at
 from hj_cosim.reachability.table.size_classes import offsets_in_class
-from hj_cosim.reachability.table.stack import TableStack, table_in
+from hj_cosim.reachability.table.stack import TableStack, grid_in
 
 # Of each action, in the order of planning.contract.
 LANE_CHANGE = (0, 0, 0, 1, -1)
@@ -304,16 +304,16 @@ def worst_value(
 
     Stops at −clip: nothing below it changes the reward.
     """
-    worst = math.inf
-    for kind in range(len(tables.numbers)):
-        table = table_in(tables.flat, tables.numbers, kind)
-        lower, upper = table.lower, table.upper
+    worst, flat, numbers = math.inf, tables.flat, tables.numbers
+    for kind in range(len(numbers)):
+        grid = grid_in(numbers, kind)
+        lower, upper = grid.lower, grid.upper
         for car in range(state.shape[1]):
             vehicle = place[VEHICLE, car]
             if car == robot or bodies[vehicle, KIND] != kind:
                 continue
             p_x, p_y = offsets_in_class(
-                tables.numbers,
+                numbers,
                 kind,
                 float(state[POSITION, robot] - state[POSITION, car]),
                 float(state[LATERAL, robot] - state[LATERAL, car]),
@@ -322,9 +322,9 @@ def worst_value(
             )
             # Most cars of a large scene are beyond the grid: they need not be looked up to be told so.
             v_r, v_o = float(state[SPEED, robot]), float(state[SPEED, car])
-            if not (lower[1] <= p_y <= upper[1] and lower[0] <= p_x - shift_of_grid(table, v_r, v_o) <= upper[0]):
+            if not (lower[1] <= p_y <= upper[1] and lower[0] <= p_x - shift_of_grid(grid, v_r, v_o) <= upper[0]):
                 continue
-            value = value_at(table, p_x, p_y, heading, v_r, v_o)
+            value = value_at(flat, grid, p_x, p_y, heading, v_r, v_o)
             worst = min(worst, value)
             if worst <= -clip:
                 return worst
