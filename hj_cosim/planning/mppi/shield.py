@@ -15,7 +15,7 @@ from hj_cosim.planning.mppi.others import Others
 from hj_cosim.reachability.games.highway.rows import game_in, write_row
 from hj_cosim.reachability.table.lookup import value_and_gradient_at
 from hj_cosim.reachability.table.size_classes import class_of, offsets_in_class
-from hj_cosim.reachability.table.stack import TableStack, table_in
+from hj_cosim.reachability.table.stack import TableStack, grid_in
 from hj_cosim.reachability.table.value_scale import scaled, steepness
 
 _NO_HOLD = 1e-9  # of ∂V/∂v_r, below which no acceleration changes anything
@@ -76,8 +76,8 @@ def held_acceleration(
             tables.numbers, kind, state[0] - others.x[instant, car], state[1] - others.y[instant, car], length, width
         )
         speed = others.speed[instant, car]
-        table = table_in(tables.flat, tables.numbers, kind)
-        value = value_and_gradient_at(table, p_x, p_y, state[2], state[3], speed, gradient)
+        grid = grid_in(tables.numbers, kind)
+        value = value_and_gradient_at(tables.flat, grid, p_x, p_y, state[2], state[3], speed, gradient)
         if not value < math.inf:
             continue
         target, other = game_in(shield.numbers, kind)
