@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.planning.mppi.others import Others
-from hj_cosim.reachability.games.highway.rows import game_in, write_row
+from hj_cosim.reachability.games.highway.rows import game_in, worst_drift
 from hj_cosim.reachability.table.lookup import value_and_gradient_at
 from hj_cosim.reachability.table.size_classes import class_of, offsets_in_class
 from hj_cosim.reachability.table.stack import TableStack, grid_in
@@ -66,7 +66,9 @@ def held_acceleration(
     """
     least, most = -math.inf, math.inf
     from_least, from_most = math.inf, math.inf  # V of the cars whose rows these are
-    pair, gradient, row = np.empty(5), np.empty(5), np.empty(8)
+    pair, gradient, flat = np.empty(5), np.empty(5), tables.flat
+    pair[2], pair[3] = state[2], state[3]
+    grid, other, known = grid_in(tables.numbers, 0), game_in(shield.numbers, 0)[1], 0
     for car in nearest:
         if car < 0:
             continue
@@ -76,20 +78,18 @@ def held_acceleration(
             tables.numbers, kind, state[0] - others.x[instant, car], state[1] - others.y[instant, car], length, width
         )
         speed = others.speed[instant, car]
-        grid = grid_in(tables.numbers, kind)
-        value = value_and_gradient_at(tables.flat, grid, p_x, p_y, state[2], state[3], speed, gradient)
-        if not value < math.inf:
+        if kind != known:
+            grid, other, known = grid_in(tables.numbers, kind), game_in(shield.numbers, kind)[1], kind
+        value = value_and_gradient_at(flat, grid, p_x, p_y, state[2], state[3], speed, gradient)
+        hold = gradient[3]
+        if not value < math.inf or abs(hold) <= _NO_HOLD:
             continue
-        target, other = game_in(shield.numbers, kind)
-        pair[0], pair[1], pair[2], pair[3], pair[4] = p_x, p_y, state[2], state[3], speed
-        write_row(target, other, pair, value, gradient, row)
-        rest = row[1] * omega + row[3] - asked_rise(value, shield)
-        if abs(row[2]) <= _NO_HOLD:
-            continue
-        bound = -rest / row[2]
-        if row[2] > 0.0 and bound > least:
+        pair[0], pair[1], pair[4] = p_x, p_y, speed
+        rest = gradient[2] * omega + worst_drift(gradient, pair, other) - asked_rise(value, shield)
+        bound = -rest / hold
+        if hold > 0.0 and bound > least:
             least, from_least = bound, value
-        elif row[2] < 0.0 and bound < most:
+        elif hold < 0.0 and bound < most:
             most, from_most = bound, value
     if least > most:
         return least if from_least < from_most else most
