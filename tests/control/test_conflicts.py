@@ -92,6 +92,13 @@ def test_what_comes_first_is_missed_least_and_then_the_rest_as_linear_programmin
     assert checked > 30
 
 
+def test_where_what_comes_first_cannot_be_met_the_rest_is_still_missed_as_little_as_can_be():
+    between = rows([0.0, 10.0], [-1.0, 0.0], [-8.0, -1.0], [0.5, 0.5])  # a <= −8, which no robot can, and ω >= 0.1
+    equal, by_responsibility = resolved(between, [True, False])
+    assert equal.omega < 0.05  # missed by 1 of the 2 that the other is missed by anyway
+    assert (by_responsibility.omega, by_responsibility.acceleration) == pytest.approx((0.1, -6.0), abs=1e-3)
+
+
 def test_of_equals_the_one_with_less_left_counts_more():
     assert severity(np.array([0.5, -1.5, 7.0, -90.0]), 0.5).tolist() == [1.0, 3.0, 1.0, 11.0]
     between = rows([0.0, 0.0], [-1.0, 1.0], [-5.0, -1.0], [0.5, -1.5])
