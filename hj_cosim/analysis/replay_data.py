@@ -60,10 +60,15 @@ def replay_data(
     columns |= {name: getattr(record.threats, name) for name in ("ttc", "min_gap", "collision")}
     flags = ("intervening", "collision")
     step = float(record.time[every] - record.time[0]) if len(kept) > 1 else 1.0
+    rings, believed = dict[str, Any](), dict[str, Any]()
+    if record.belief is not None:
+        rings = {"suspectColour": style.SUSPECT, "ring": style.RING}
+        believed = {"belief": _encode(np.nan_to_num(record.belief[where]), "f4")}
     shown = {
         "names": list(traffic.names),
         "rogues": record.is_rogue.tolist(),
         "rogueColour": style.ROGUE,
+        **rings,
         "lanes": record.road.lane_count,
         "laneWidth": record.road.lane_width,
         "robotLength": record.robot_length,
@@ -84,6 +89,7 @@ def replay_data(
             "value": _encode(car_values(record, table)[where], "f4"),
             "length": _encode(traffic.length[car], "f4"),
             "width": _encode(traffic.width[car], "f4"),
+            **believed,
         },
     }
     return shown if record.road.is_straight else {**shown, "bend": _bend(record)}

@@ -9,6 +9,7 @@ import numpy as np
 from hj_cosim.control.contract import FilterDecision
 from hj_cosim.metrics.threats import threat_track
 from hj_cosim.planning.contract import Plan
+from hj_cosim.recording.beliefs import BeliefTrack
 from hj_cosim.recording.record import NO_VEHICLE, RobotTrack, RunRecord, TrafficTrack
 from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.scene.road import Road
@@ -33,6 +34,7 @@ class Recorder:
         self._time = np.zeros(samples)
         self._traffic = TrafficTrack.empty(("",) * vehicles, np.zeros(vehicles), np.zeros(vehicles), samples)
         self._robot = RobotTrack.empty(samples)
+        self._belief = BeliefTrack(samples)
 
     def record(
         self,
@@ -69,6 +71,8 @@ class Recorder:
         traffic.speed[sample, cars] = observation.speed
         traffic.acceleration[sample, cars] = observation.acceleration
         traffic.lane[sample, cars] = observation.lane
+        if decision.belief is not None:
+            self._belief.fill((sample, cars), decision.belief)
 
         robot = self._robot
         robot.x[sample], robot.y[sample], robot.heading[sample], robot.speed[sample] = observation.robot
@@ -113,4 +117,5 @@ class Recorder:
             threats=threat_track(track, traffic, robot.length, robot.width),
             ended=ended,
             rogues=rogues,
+            belief=self._belief.taken(self._taken, len(names)),
         )

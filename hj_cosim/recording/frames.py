@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
+from hj_cosim.recording.beliefs import BELIEF
 from hj_cosim.recording.columns import name_column, numeric_column, text_column
 from hj_cosim.recording.record import ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack
 from hj_cosim.recording.roles import role_column
@@ -40,7 +41,8 @@ class RunFrames:
         """Every car at every sample, the robot among them as `robot`, the columns of trajectories.parquet.
 
         They are time (s), vehicle, x, y (centre of the body, m, road frame), heading (rad), speed (m/s), acceleration
-        (m/s²), lane (0: right), length, width (m); and role, where somebody means harm.
+        (m/s²), lane (0: right), length, width (m); role, where somebody means harm; and belief, the probability that a
+        car's driver does, where the filter judged that (NaN for the robot).
         """
         return trajectory_table(self.record, 0, len(self.record.time)).to_pandas()
 
@@ -67,6 +69,8 @@ def trajectory_table(record: RunRecord, start: int, stop: int) -> pa.Table:
     }
     if record.rogues:
         columns["role"] = role_column(column, (ROBOT_NAME, *traffic.names), record.rogues)
+    if record.belief is not None:
+        columns[BELIEF] = numeric_column(both(np.full(len(record.time), np.nan), record.belief))
     return pa.table(columns).replace_schema_metadata({ROAD_KEY: road_to_json(road).encode()})
 
 

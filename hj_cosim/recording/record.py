@@ -130,6 +130,8 @@ class RunRecord:
     ended: str = DURATION  # why the drive was over
     # What those cars do whose drivers mean harm, by name.
     rogues: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    # (T, J) how likely the filter held it that each driver means harm, NaN where it did not judge; if it ever did.
+    belief: np.ndarray | None = None
 
     @property
     def is_rogue(self) -> np.ndarray:

@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 from hj_cosim.errors import ConfigurationError, HjCosimError, RunFolderError
 from hj_cosim.files import naming_the_place, remove_abandoned, require_writable, temporary_folder
 from hj_cosim.locations import given_path
+from hj_cosim.recording.beliefs import BeliefTrack, beliefs_of
 from hj_cosim.recording.columns import name_numbers
 from hj_cosim.recording.frames import ROAD_KEY, TRAFFIC_FLOATS, RunFrames, driver_table, robot_table, trajectory_table
 from hj_cosim.recording.record import DURATION, NO_VEHICLE, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
@@ -246,7 +247,7 @@ def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> Ru
     require_room(len(time), len(first))
     names = tuple(first[1:])
     body, rogues = np.zeros((len(first), 2)), dict[str, str]()
-    traffic = TrafficTrack.empty(names, body[1:, 0], body[1:, 1], len(time))
+    traffic, belief = TrafficTrack.empty(names, body[1:, 0], body[1:, 1], len(time)), BeliefTrack(len(time))
     for group in range(trajectories.num_row_groups):
         rows = trajectories.read_row_group(group)
         vehicle = rows["vehicle"].combine_chunks()
@@ -263,6 +264,9 @@ def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> Ru
         traffic.present[place] = True
         for name in (*TRAFFIC_FLOATS, "lane"):
             getattr(traffic, name)[place] = columns[name][others]
+        believed = beliefs_of(rows)
+        if believed is not None:
+            belief.fill(place, believed[others])
     columns = {name: plain_column(robot, name) for name in robot.column_names if name != "value_vehicle"}
     for field in (*fields(RobotTrack), *fields(ThreatTrack)):
         if field.name not in robot.column_names:
@@ -280,6 +284,7 @@ def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> Ru
         robot=RobotTrack(**{field.name: columns[field.name] for field in fields(RobotTrack)}),
         threats=ThreatTrack(**{field.name: columns[field.name] for field in fields(ThreatTrack)}),
         rogues=rogues,
+        belief=belief.taken(len(time), len(names)),
     )
 
 

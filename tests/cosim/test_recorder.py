@@ -1,6 +1,7 @@
 """What a recorder makes of one sample."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,3 +49,23 @@ def test_v_of_the_nearest_car_is_recorded_and_infinity_where_it_is_not_known(lea
     recorder.record(one_car(), values, Plan(IDLE, Target(0, 20.0)), control, FilterDecision(control), 0.0)
     record = recorder.finish(StraightRoad(4), RobotSettings(), [f"car{number}" for number in range(4)], "duration", {})
     assert (record.robot.value[0], record.robot.value_vehicle[0]) == (value, vehicle)
+
+
+def test_what_the_filter_believes_is_recorded_where_it_judges_and_for_cars_that_come_later():
+    recorder, control = Recorder(3, 1, RobotSettings()), Control(0.0, 0.0)
+    values, plan = CarValues(np.array([7.5]), np.zeros((1, 5)), 7.5, 0), Plan(IDLE, Target(0, 20.0))
+    for vehicle, belief in ((1, None), (1, np.array([0.25])), (9, np.array([0.75]))):
+        decision = FilterDecision(control, belief=belief)
+        recorder.record(replace(one_car(), vehicle=np.array([vehicle])), values, plan, control, decision, 0.0)
+    names = [f"car{number}" for number in range(10)]
+    belief = recorder.finish(StraightRoad(4), RobotSettings(), names, "duration", {}).belief
+    assert belief.shape == (3, 10)
+    assert (belief[1, 1], belief[2, 9]) == (0.25, 0.75)
+    assert np.isnan(belief).sum() == 28
+
+
+def test_a_filter_that_believes_nothing_leaves_nothing_recorded():
+    recorder, control = Recorder(1, 1, RobotSettings()), Control(0.0, 0.0)
+    values = CarValues(np.array([7.5]), np.zeros((1, 5)), 7.5, 0)
+    recorder.record(one_car(), values, Plan(IDLE, Target(0, 20.0)), control, FilterDecision(control), 0.0)
+    assert recorder.finish(StraightRoad(4), RobotSettings(), ["a", "b", "c", "d"], "duration", {}).belief is None

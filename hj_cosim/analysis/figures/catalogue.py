@@ -38,6 +38,9 @@ FIGURES: Mapping[str, FigureKind] = {
         "study", "1st percentile of 2D TTC over mean speed, with intervals", "of_study:trade_off_of"
     ),
     "attack": FigureKind("study", "collisions and speed over the share of drivers who mean harm", "of_study:attack_of"),
+    "target-sets": FigureKind(
+        "study", "2D TTC over mean speed by the value table, in each traffic", "of_study:target_sets_of"
+    ),
     "density-sweep": FigureKind(
         "study", "speed, safety and interventions over the density", "of_study:density_sweep_of"
     ),

@@ -11,6 +11,8 @@ from hj_cosim.analysis.figures.attack import ROWS as ATTACK_ROWS
 from hj_cosim.analysis.figures.density_sweep import PANELS, density_sweep
 from hj_cosim.analysis.figures.stacks import STACK_COLUMNS
 from hj_cosim.analysis.figures.style import Drawing
+from hj_cosim.analysis.figures.target_sets import TABLE as TARGET_TABLE
+from hj_cosim.analysis.figures.target_sets import target_sets
 from hj_cosim.analysis.figures.trade_off import METRICS_SHOWN, trade_off
 from hj_cosim.errors import RunFolderError
 from hj_cosim.recording.run_folder import CONFIG, read_config
@@ -48,6 +50,12 @@ def attack_of(folder: Path) -> Drawing:
     return attack(read_study_table(folder / TABLE, (BEHAVIOUR, SHARE, *STACK_COLUMNS, "episodes", *metrics)))
 
 
+def target_sets_of(folder: Path) -> Drawing:
+    """Return what the target sets of a study are worth, by its folder."""
+    metrics = [f"{metric}{ending}" for metric in METRICS_SHOWN for ending in ("", "_lo", "_hi")]
+    return target_sets(read_study_table(folder / TABLE, ("scenario", TARGET_TABLE, *STACK_COLUMNS, *metrics)))
+
+
 def scenario_densities(study: Path) -> dict[str, float]:
     """Return the density (cars per km and lane) of every scenario in a study, from its episodes' configurations."""
     densities: dict[str, float] = {}
@@ -64,7 +72,7 @@ def read_study_table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
 
     Args:
         path: the file.
-        columns: what it must have; those not in TEXT_COLUMNS, and no rogues' behaviour, hold numbers.
+        columns: what it must have; those not in TEXT_COLUMNS, no rogues' behaviour and no table's name, hold numbers.
 
     Raises:
         RunFolderError: if it is missing, broken, too large, or has not those columns.
@@ -85,6 +93,6 @@ def read_study_table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     for name in columns:
         if name not in table:
             raise RunFolderError(f"{broken} has no column {name}")
-        if name not in (*TEXT_COLUMNS, BEHAVIOUR) and not pd.api.types.is_numeric_dtype(table[name]):
+        if name not in (*TEXT_COLUMNS, BEHAVIOUR, TARGET_TABLE) and not pd.api.types.is_numeric_dtype(table[name]):
             raise RunFolderError(f"{broken}: column {name} must be of numbers")
     return table

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
 from matplotlib.patches import Polygon
 
 from hj_cosim.analysis.figures import style
@@ -52,7 +53,7 @@ def draw_cars(
     axes: Axes,
     corners: np.ndarray,
     colours: object = style.CAR,
-    edge: str | Sequence[str] = style.CAR_EDGE,
+    edge: str | Sequence[object] = style.CAR_EDGE,
     zorder: float = 3.0,
 ) -> None:
     """Draw cars, whose corners are as body_corners returns them; `colours` and `edge` are one colour or one a car."""
@@ -95,6 +96,11 @@ def draw_scene(
     places = view.place(x[seen], traffic.y[sample, seen], traffic.heading[sample, seen])
     colours = [style.ROGUE if rogue else style.CAR for rogue in record.is_rogue[seen]]
     draw_cars(axes, body_corners(*places, traffic.length[seen], traffic.width[seen]), colours)
+    if record.belief is not None:
+        likely = np.nan_to_num(record.belief[sample, seen])
+        rings = body_corners(*places, traffic.length[seen] + style.RING[0], traffic.width[seen] + style.RING[1])
+        edges = [(*to_rgb(style.SUSPECT), each) for each in likely]
+        draw_cars(axes, rings, "none", edges, zorder=2.9)
     own = view.place(*(column[sample : sample + 1] for column in (robot.x, robot.y, robot.heading)))
     x_0, y_0, heading = (float(column[0]) for column in own)
     draw_robot(axes, x_0, y_0, heading, record.robot_length, record.robot_width)

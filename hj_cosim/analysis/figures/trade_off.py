@@ -31,8 +31,8 @@ def trade_off(table: pd.DataFrame) -> style.Drawing:
             axes.errorbar(
                 rows[SPEED],
                 rows[SAFETY],
-                xerr=_reach(rows, SPEED),
-                yerr=_reach(rows, SAFETY),
+                xerr=reach(rows, SPEED),
+                yerr=reach(rows, SAFETY),
                 capsize=2,
                 markersize=6,
                 elinewidth=1.0,
@@ -47,7 +47,7 @@ def trade_off(table: pd.DataFrame) -> style.Drawing:
     return style.Drawing(figure, dict(table[[*beside, *STACK_COLUMNS, *shown]].items()))
 
 
-def _reach(rows: pd.DataFrame, metric: str) -> list[pd.Series]:
+def reach(rows: pd.DataFrame, metric: str) -> list[pd.Series]:
     """Return how far the interval reaches below and above the mean, neither negative."""
     low, high = rows[metric] - rows[f"{metric}_lo"], rows[f"{metric}_hi"] - rows[metric]
     return [low.clip(lower=0.0), high.clip(lower=0.0)]

@@ -136,6 +136,11 @@
       const chosen = cars.vehicle[k] === selected, rogue = raw.rogues[cars.vehicle[k]];
       body(cars.dx[k], cars.y[k], cars.heading[k], cars.length[k], cars.width[k], colour(cars.value[k]),
            chosen ? "#000000" : rogue ? raw.rogueColour : "#33566b", chosen || rogue ? 3 : 1);
+      if (!cars.belief) continue;  // else a ring, as opaque as it is likely that the driver means harm
+      pen.globalAlpha = cars.belief[k];
+      body(cars.dx[k], cars.y[k], cars.heading[k], cars.length[k] + raw.ring[0], cars.width[k] + raw.ring[1],
+           "transparent", raw.suspectColour, 2);
+      pen.globalAlpha = 1;
     }
     const on = robot.intervening[sample];
     body(0, robot.y[sample], robot.heading[sample], raw.robotLength, raw.robotWidth, "#d55e00",

@@ -16,13 +16,15 @@ from pydantic import Field
 from hj_cosim.planning.contract import FASTER, IDLE, LEFT, RIGHT, SLOWER, Plan
 from hj_cosim.planning.mppi.others import Habits, Others, predict_others
 from hj_cosim.planning.mppi.rollouts import Costs, Outlook, RobotModel, drive, follow_lanes, judge
+from hj_cosim.planning.mppi.shield import NO_SHIELD, Shield
 from hj_cosim.planning.optimistic.reward import reward_model
 from hj_cosim.planning.optimistic.speed_limits import fastest_within_limits
+from hj_cosim.reachability.games.highway.rows import row_numbers
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation, Target
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings, Settings
-from hj_cosim.settings.base import MetresPerSecondSquared, Number, RadiansPerSecond, Seconds
+from hj_cosim.settings.base import Metres, MetresPerSecondSquared, Number, PerSecond, RadiansPerSecond, Seconds
 from hj_cosim.vehicles.idm import mean_driver
 
 SEED = 0  # of the noise: the same drive gives the same plans
@@ -48,6 +50,13 @@ class MppiPlanner:
         acceleration_deviation: MetresPerSecondSquared = Field(1.0, gt=0, description="of the noise")
         turning_cost: Number = Field(0.002, ge=0, description="a second, of (v ω)², m²/s⁴")
         acceleration_cost: Number = Field(0.001, ge=0, description="a second, of a², m²/s⁴")
+        shielded: bool = Field(
+            False, description="samples are held to accelerations that keep V of the nearest cars, a filter inside"
+        )
+        epsilon: Metres = Field(0.5, ge=0, description="shielded: ε, to which V may fall")
+        approach: PerSecond = Field(
+            4.0, gt=0, le=5, description="shielded: γ, the share of V − ε that it may fall in a second"
+        )
         jerk_cost: Number = Field(0.002, ge=0, description="a second, of the change of a between two controls, squared")
 
     # Six parameters beside itself: what planners may ask for.
@@ -75,6 +84,10 @@ class MppiPlanner:
         )
         self._reward = reward_model(settings, road)
         self._costs = Costs(options.turning_cost, options.acceleration_cost, options.jerk_cost)
+        self._shield = NO_SHIELD
+        if options.shielded:
+            larger = [(each.size, each.parameters) for each in table.larger]
+            self._shield = Shield(row_numbers(table.parameters, larger), options.epsilon, options.approach)
         self._random = np.random.default_rng(SEED)
         at = np.linspace(0.0, KNOTS - 1.0, self._instants)
         self._from_knots = np.maximum(1.0 - np.abs(at[:, None] - np.arange(KNOTS)), 0.0)  # (T, KNOTS)
@@ -105,7 +118,7 @@ class MppiPlanner:
         )
         controls = self._drawn(state)
         worths, ends = np.empty(len(controls)), np.empty(len(controls), np.int64)
-        judge(state, controls, outlook, self._tables, worths, ends)
+        judge(state, controls, outlook, self._tables, self._shield, worths, ends)
         self._plan = self._mean(controls, worths, ends)
         drive(state, self._plan, path, self._robot, self._options.step)
         return self._answer(observation, path)

@@ -126,16 +126,19 @@ def _places(
     nearest[scenario.robot.lane] = max(spacing * lane_count - least, 0.0)
     spacings = (spacing, traffic.spacing_jitter, least)
     over = 0.5 * (length - CAR_LENGTH)
-    ahead = _one_direction(
-        over[: traffic.count], spacings, nearest, lambda x: _lanes_that_last(road, start + x), random
-    )
+
+    def room_ahead(x: float, longer: float) -> np.ndarray:
+        return np.where(_lanes_that_last(road, start + x), _room_beside(scenario, lane_count, x, longer), -math.inf)
+
+    def room_behind(x: float, longer: float) -> np.ndarray:
+        return np.where(_lanes_that_last(road, start - x), _room_beside(scenario, lane_count, -x, longer), -math.inf)
+
+    ahead = _one_direction(over[: traffic.count], spacings, nearest, room_ahead, random)
     nearest = np.full(lane_count, math.inf)
     for x, lane, longer in zip(*ahead, over, strict=False):
         nearest[lane] = min(nearest[lane], x - longer)
     nearest[scenario.robot.lane] = 0.0
-    behind = _one_direction(
-        over[traffic.count :], spacings, -nearest, lambda x: _lanes_that_last(road, start - x), random
-    )
+    behind = _one_direction(over[traffic.count :], spacings, -nearest, room_behind, random)
     return np.concatenate([ahead[0], -behind[0]]), np.concatenate([ahead[1], behind[1]])
 
 
@@ -147,11 +150,20 @@ def _lanes_that_last(road: Road, along: float) -> np.ndarray:
     return lasts
 
 
+def _room_beside(scenario: Scenario, lane_count: int, x: float, over: float) -> np.ndarray:
+    """Return (lanes,) m: how far a drawn car at x is from whom the scenario has placed by hand; `over` as below."""
+    room = np.full(lane_count, math.inf)
+    for car in scenario.cars:
+        if car.lane < lane_count:  # `_check_room` refuses the others
+            room[car.lane] = min(room[car.lane], abs(x - car.x) - over - 0.5 * (car.length - CAR_LENGTH))
+    return room
+
+
 def _one_direction(
     over: np.ndarray,
     spacings: tuple[float, float, float],
     nearest: np.ndarray,
-    lanes_at: Callable[[float], np.ndarray],
+    room_at: Callable[[float, float], np.ndarray],
     random: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return distances (m) from the robot, growing, and lanes.
@@ -160,7 +172,8 @@ def _one_direction(
         over: (count,) by how much half of each is longer than half of a car, m.
         spacings: the mean, its share that varies, and the least in a lane, m.
         nearest: (lanes,) who stands there already, m.
-        lanes_at: which lanes (lanes,) bool a car may stand in at a distance.
+        room_at: of a distance and a car's `over`, the room in each lane (lanes,), m, beside the drawn ones; −inf where
+            there is no lane.
         random: draws.
     """
     spacing, jitter, least = spacings
@@ -169,7 +182,7 @@ def _one_direction(
     lanes = np.empty(count, dtype=np.int64)
     last = nearest.copy()
     for car, distance in enumerate(distances):
-        room = np.where(lanes_at(distance), distance - over[car] - last, -math.inf)
+        room = np.minimum(distance - over[car] - last, room_at(distance, over[car]))
         open_lanes = np.flatnonzero(room >= least)
         lanes[car] = random.choice(open_lanes) if len(open_lanes) else np.argmax(room)
         last[lanes[car]] = distance + over[car]
