@@ -111,7 +111,7 @@ def run_episode(
     value_table = load_tables(config.table, sizes, tell.solving, robot=config.robot, announce=tell.announce)
     if config.filter.priority == "belief":
         load_table(WORST_TABLE, tell.solving, robot=config.robot, announce=tell.announce)
-    episode = run_in_sumo(config, value_table, tell.driving, tell.announce)
+    episode = run_in_sumo(config, value_table, tell.driving, tell.announce, folder)
     if folder is None:
         return episode
     write_episode(episode, folder)

@@ -243,14 +243,9 @@ def threat_track(
         brake_limit, steer_limit: m/s², what BTN and STN are relative to.
     """
     states = np.column_stack([robot.x, robot.y, robot.heading, robot.speed])
-    cars = (traffic.present, traffic.x, traffic.y, traffic.heading)
-    worst = _worst_threats(
-        states, robot_length, robot_width, *cars, traffic.speed, traffic.acceleration, traffic.length, traffic.width
-    )
-    nearest, overlap = _nearest_bodies(states, robot_length, robot_width, *cars, traffic.length, traffic.width)
-    overlap_in = _smallest_times_to_overlap(
-        states, robot_length, robot_width, *cars, traffic.speed, traffic.length, traffic.width
-    )
+    body = (robot_length, robot_width)
+    found = [_threats(states[piece.samples], *body, piece.traffic) for piece in traffic.pieces()]
+    worst, nearest, overlap, overlap_in = (np.concatenate(column) for column in zip(*found, strict=True))
     return ThreatTrack(
         ttc=worst[:, 0],
         btn=np.abs(worst[:, 1]) / brake_limit,
@@ -259,3 +254,15 @@ def threat_track(
         collision=overlap,
         ttc_2d=overlap_in,
     )
+
+
+def _threats(
+    states: np.ndarray, robot_length: float, robot_width: float, traffic: TrafficTrack
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the worst threats (T, 3), the least gap (T,), m, whether bodies overlap, and in how many s they will."""
+    cars = (traffic.present, traffic.x, traffic.y, traffic.heading)
+    sizes = (traffic.length, traffic.width)
+    worst = _worst_threats(states, robot_length, robot_width, *cars, traffic.speed, traffic.acceleration, *sizes)
+    nearest, overlap = _nearest_bodies(states, robot_length, robot_width, *cars, *sizes)
+    overlap_in = _smallest_times_to_overlap(states, robot_length, robot_width, *cars, traffic.speed, *sizes)
+    return worst, nearest, overlap, overlap_in

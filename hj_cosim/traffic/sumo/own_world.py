@@ -62,6 +62,7 @@ class OwnWorld:
         step: float,
         traffic_step: float,
         fastest: float | None = None,
+        looks_farther: bool = False,
     ) -> None:
         """Warm the simulation up, and put the robot into a vehicle's place.
 
@@ -73,6 +74,7 @@ class OwnWorld:
             traffic_step: s, SUMO's while the robot drives; a multiple of the robot's.
             fastest: m/s, that is planned, for which the road's bends must not be too sharp; the robot's limit unless
                 given.
+            looks_farther: whether `everybody` is asked for.
 
         Raises:
             ConfigurationError: if the configuration or a file of it cannot be read.
@@ -95,7 +97,7 @@ class OwnWorld:
             self._resume(own, taken, seed)
             self._robot, self._robot_acceleration = self._take_over(taken, place), 0.0
             self._puppet = RoutePuppet(self.road, lanes, ROUTE)
-            self._surroundings = Surroundings(ROBOT, GHOST, self.road, lanes, scenario.own.near)
+            self._surroundings = Surroundings(ROBOT, GHOST, self.road, lanes, scenario.own.near, farther=looks_farther)
             self._surroundings.read()
             near = [self.vehicle_names[number] for number in self.observe().vehicle]
             self.predicted = typical_driver(near, scenario.drivers)
@@ -145,6 +147,11 @@ class OwnWorld:
         """Return the robot and every vehicle near it; see World.observe."""
         clocks = self._clocks
         return self._surroundings.observe(clocks.time, self._robot, self._robot_acceleration, clocks.elapsed)
+
+    def everybody(self) -> Observation:
+        """Return the robot and every vehicle on its road and the ramps beside it; see WorldWithOthers."""
+        clocks = self._clocks
+        return self._surroundings.everybody(clocks.time, self._robot, self._robot_acceleration, clocks.elapsed)
 
     def settle(self, seconds: float) -> None:
         """Do nothing: the traffic has settled around the vehicle that was taken over."""
