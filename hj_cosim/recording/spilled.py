@@ -19,8 +19,8 @@ from hj_cosim.recording.run_bounds import open_columns, plain_column, plain_numb
 from hj_cosim.recording.trajectories import TRAJECTORIES
 
 KEPT = ("present", *MOTION, "lane")
-# Samples times cars that a run has in memory; more stay in its file. As arrays that is 84 MB.
-MOST_IN_MEMORY = 2_000_000
+# Samples times cars that a run has in memory; more stay in its file. As rows that is 35 MB.
+MOST_IN_MEMORY = 500_000
 
 
 def fits_into_memory(samples: int, cars: int) -> bool:
@@ -64,7 +64,7 @@ def read_group(trajectories: pq.ParquetFile, number: int, time: np.ndarray, name
     Raises:
         ValueError, KeyError, IndexError: if it is not what a run has.
     """
-    table = trajectories.read_row_group(number)
+    table = trajectories.read_row_group(number, use_threads=False)
     vehicle = table["vehicle"].combine_chunks()
     known = tuple(vehicle.dictionary.to_pylist())
     if known != names[: len(known)]:

@@ -11,12 +11,13 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from hj_cosim.files import UnfinishedFile, naming_the_place
-from hj_cosim.recording import trajectories
 from hj_cosim.recording.car_rows import CarRows, rows_of, track_of
 from hj_cosim.recording.record import RobotTrack, TrafficTrack
 from hj_cosim.recording.spilled import SpilledTraffic, fits_into_memory
 from hj_cosim.recording.trajectories import Scene, parquet_options, rows_table
 from hj_cosim.scene.observation import Observation
+
+ROWS_PER_STRETCH = 1 << 16  # a row group of the file
 
 
 class TrafficRecorder:
@@ -32,7 +33,7 @@ class TrafficRecorder:
         """
         self._scene, self._names, self._beside = scene, names, beside
         known = len(names())
-        self._most_samples = max(trajectories.ROWS_PER_GROUP // (known + 1), 1)  # of a stretch
+        self._most_samples = max(ROWS_PER_STRETCH // (known + 1), 1)
         self._sizes = np.zeros((known, 2))
         self._pending: list[Observation] = []
         self._pending_rows = 0
@@ -45,7 +46,7 @@ class TrafficRecorder:
     @property
     def is_stretch_full(self) -> bool:
         """Whether it is time for end_stretch."""
-        return len(self._pending) >= self._most_samples or self._pending_rows >= trajectories.ROWS_PER_GROUP
+        return len(self._pending) >= self._most_samples or self._pending_rows >= ROWS_PER_STRETCH
 
     def record(self, observation: Observation) -> None:
         """Take one sample, which nobody may change any more."""

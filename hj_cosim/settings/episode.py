@@ -92,6 +92,11 @@ class EpisodeConfig(Settings):
         own = self.scenario.own
         if not own.is_given and (own.ego or own.begin is not None):
             raise ValueError("scenario.own.ego and scenario.own.begin (--ego, --begin) are about a user's own .sumocfg")
+        if not own.is_given and own.traffic != "theirs":
+            raise ValueError(
+                f"scenario.own.traffic = {own.traffic!r} (--traffic) is about a user's own .sumocfg; the cars of a"
+                " scenario are driven by IDM and MOBIL already, so leave it out"
+            )
         return self
 
     @model_validator(mode="after")

@@ -113,7 +113,7 @@ def recorded(observations, names, place, within=math.inf):
 @pytest.fixture
 def small_memory(monkeypatch):
     monkeypatch.setattr("hj_cosim.recording.spilled.MOST_IN_MEMORY", 1000)
-    monkeypatch.setattr("hj_cosim.recording.trajectories.ROWS_PER_GROUP", 200)
+    monkeypatch.setattr("hj_cosim.recording.traffic_recorder.ROWS_PER_STRETCH", 200)
 
 
 @pytest.fixture

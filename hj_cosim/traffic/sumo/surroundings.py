@@ -93,6 +93,17 @@ class Surroundings:
         self._between: tuple[_Known, BetweenSteps] | None = None
 
     @property
+    def expected_drivers(self) -> np.ndarray:
+        """What is expected of them, in the lanes that they were in last, (len(vehicle_names), 6)."""
+        return self._expected[: len(self.vehicle_names)].copy()
+
+    @property
+    def is_on_the_road(self) -> np.ndarray:
+        """Which of those observed at the end of a step are in a lane of the road, not beside it, (J,) bool."""
+        seen = self._now.seen
+        return seen.is_on_the_road[seen.is_near] if self._looks_farther else seen.is_on_the_road
+
+    @property
     def drivers(self) -> np.ndarray:
         """Nobody knows them: NaN, (len(vehicle_names), 6); see World."""
         return np.full((len(self.vehicle_names), len(PARAMETER_NAMES)), math.nan)
