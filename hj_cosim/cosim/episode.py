@@ -183,7 +183,7 @@ def _is_judged(observation: Observation) -> bool:
 
 def _observe(world: World) -> Observation:
     observation = world.observe()
-    if not np.abs(observation.robot).max() <= FARTHEST:
+    if not all(abs(number) <= FARTHEST for number in observation.robot.tolist()):
         raise SimulationError(
             f"the world has the robot at p_x, p_y, θ, v = {observation.robot.tolist()} at {observation.time:.2f} s;"
             " no filter can judge that, so look for what moved it there"

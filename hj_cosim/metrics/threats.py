@@ -118,6 +118,16 @@ def _worst_threats(
     return worst
 
 
+@njit(cache=True)
+def _nearest_along(present: np.ndarray, x: np.ndarray, robot_x: float) -> int:
+    """Return which of the cars present is nearest along the road; -1 if there is none."""
+    found, least = -1, math.inf
+    for j in range(len(x)):
+        if present[j] and abs(x[j] - robot_x) < least:
+            found, least = j, abs(x[j] - robot_x)
+    return found
+
+
 # Nine parameters: the plain arrays of _worst_threats, so that a pass reads only those that it needs.
 @njit(cache=True)
 def _nearest_bodies(
@@ -137,8 +147,11 @@ def _nearest_bodies(
     overlap = np.zeros(samples, np.bool_)
     robot_radius = 0.5 * math.hypot(robot_length, robot_width)
     for t in range(samples):
-        for j in range(cars):
-            if not present[t, j]:
+        # Who is nearest along the road comes first: with the others one comparison is enough then.
+        first = _nearest_along(present[t], x[t], robot[t, 0])
+        for place in range(-1, cars):
+            j = first if place < 0 else place
+            if j < 0 or place == first or not present[t, j]:
                 continue
             dx, dy = x[t, j] - robot[t, 0], y[t, j] - robot[t, 1]
             reach = nearest[t] + robot_radius + 0.5 * math.hypot(length[j], width[j])
@@ -177,13 +190,20 @@ def _smallest_times_to_overlap(
             if not present[t, j]:
                 continue
             other = heading[t, j]
+            dx, dy = x[t, j] - robot[t, 0], y[t, j] - robot[t, 1]
+            vx, vy = speed[t, j] * math.cos(other) - robot_vx, speed[t, j] * math.sin(other) - robot_vy
+            # Who is farther along the road than the bodies reach is never met if it comes no nearer, and later than
+            # another one if it comes near too slowly.
+            apart = abs(dx) - (robot_length + robot_width + length[j] + width[j])
+            if apart > 0.0 and (dx * vx >= 0.0 or apart > abs(vx) * smallest[t]):
+                continue
             smallest[t] = min(
                 smallest[t],
                 time_to_overlap(
-                    x[t, j] - robot[t, 0],
-                    y[t, j] - robot[t, 1],
-                    speed[t, j] * math.cos(other) - robot_vx,
-                    speed[t, j] * math.sin(other) - robot_vy,
+                    dx,
+                    dy,
+                    vx,
+                    vy,
                     angle,
                     robot_length,
                     robot_width,

@@ -60,15 +60,16 @@ def rows_of_track(traffic: TrafficTrack, samples: slice) -> CarRows:
     )
 
 
-def fill(track: TrafficTrack, rows: CarRows, first: int, column: np.ndarray) -> None:
+def fill(track: TrafficTrack, rows: CarRows, first: int, column: np.ndarray | None = None) -> None:
     """Put rows into a track.
 
     Args:
         track: sizes and samples of cars are written.
         rows: of samples from the track's `first` on.
         first: sample.
-        column: (R,) int, which of the track's cars each row is about.
+        column: (R,) int, which of the track's cars each row is about; that of its number unless given.
     """
+    column = rows.vehicle if column is None else column
     place = (rows.sample + first, column)
     track.present[place] = True
     for name in (*MOTION, "lane"):
@@ -76,17 +77,28 @@ def fill(track: TrafficTrack, rows: CarRows, first: int, column: np.ndarray) -> 
     track.length[column], track.width[column] = rows.length, rows.width
 
 
-def track_of(stretches: Sequence[CarRows], counts: Sequence[int], names: tuple[str, ...]) -> TrafficTrack:
-    """Return the track of consecutive stretches of `counts` samples, of cars by number.
+def track_of(observations: Sequence[Observation], names: tuple[str, ...]) -> TrafficTrack:
+    """Return the track of consecutive observations, of cars by number.
 
     Raises:
         HjCosimError: if it fits neither into memory nor onto the disk (see large_arrays).
     """
     none = np.zeros(len(names))
-    track, first = TrafficTrack.empty(names, none, none.copy(), sum(counts)), 0
-    for rows, count in zip(stretches, counts, strict=True):
-        fill(track, rows, first, rows.vehicle)
-        first += count
+    track, everybody = TrafficTrack.empty(names, none, none.copy(), len(observations)), np.arange(len(names))
+    known: np.ndarray | None = None  # numbers that are everybody's; the same array is often seen again
+    for each in observations:
+        if known is not None and each.vehicle is known:
+            continue
+        if not np.array_equal(each.vehicle, everybody):
+            fill(track, rows_of(observations), 0)
+            return track
+        known = each.vehicle
+    if observations:  # all are there all the time, in order
+        track.present[:] = True
+        for name in (*MOTION, "lane"):
+            columns = [getattr(each, name) for each in observations]
+            np.concatenate(columns, out=getattr(track, name).reshape(-1), casting="unsafe")
+        track.length[:], track.width[:] = observations[-1].length, observations[-1].width
     return track
 
 

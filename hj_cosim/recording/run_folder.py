@@ -275,7 +275,7 @@ def _read_traffic(
         rogues |= group.rogues
         sizes[group.rows.vehicle] = np.column_stack([group.rows.length, group.rows.width])
         if is_held:
-            fill(traffic, group.rows, group.first, group.rows.vehicle)
+            fill(traffic, group.rows, group.first)
     return body, traffic if is_held else SpilledTraffic(path, time, names[1:], sizes), rogues
 
 

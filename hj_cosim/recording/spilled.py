@@ -124,7 +124,7 @@ class SpilledTraffic(TrafficTrack):
             require_room(len(self._time), len(self.names))
         track = TrafficTrack.empty(self.names, self.length, self.width, len(self._time))
         for group in self._groups():
-            fill(track, group.rows, group.first, group.rows.vehicle)
+            fill(track, group.rows, group.first)
         return track
 
     def pieces(self) -> Iterator[Piece]:

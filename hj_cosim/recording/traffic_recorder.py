@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from hj_cosim.files import UnfinishedFile, naming_the_place
-from hj_cosim.recording.car_rows import CarRows, rows_of, track_of
+from hj_cosim.recording.car_rows import rows_of, track_of
 from hj_cosim.recording.record import RobotTrack, TrafficTrack
 from hj_cosim.recording.spilled import SpilledTraffic, fits_into_memory
 from hj_cosim.recording.trajectories import Scene, parquet_options, rows_table
@@ -37,7 +37,7 @@ class TrafficRecorder:
         self._sizes = np.zeros((known, 2))
         self._pending: list[Observation] = []
         self._pending_rows = 0
-        self._stretches: list[tuple[CarRows, int]] = []  # those in memory, and of how many samples
+        self._stretches: list[list[Observation]] = []  # those that have ended and are in memory
         # Of a drive that fails the writer goes first: it still writes the end of the file.
         self._writer: pq.ParquetWriter | None = None
         self._file: UnfinishedFile | None = None
@@ -54,7 +54,7 @@ class TrafficRecorder:
         self._pending_rows += len(observation.x) + 1
 
     def end_stretch(self, time: np.ndarray, robot: RobotTrack) -> None:
-        """Put what has been taken into rows, and into the file if it is too much for the memory.
+        """Put what has been taken into the file, if it is too much for the memory.
 
         Args:
             time: (T,) s, of all samples up to now.
@@ -63,22 +63,22 @@ class TrafficRecorder:
         Raises:
             HjCosimError: if the file cannot be written.
         """
-        rows, count = rows_of(self._pending), len(self._pending)
+        self._stretches.append(self._pending)
         self._pending, self._pending_rows = [], 0
-        self._stretches.append((rows, count))
+        if self._file is None and fits_into_memory(len(time), len(self._names())):
+            return
+        with naming_the_place(self._beside):
+            for stretch in self._stretches:
+                self._write(stretch, time, robot)
+        self._stretches = []
+
+    def _write(self, stretch: list[Observation], time: np.ndarray, robot: RobotTrack) -> None:
+        rows = rows_of(stretch)
         known = int(rows.vehicle.max(initial=-1)) + 1
         if known > len(self._sizes):
             self._sizes = np.concatenate([self._sizes, np.zeros((known - len(self._sizes), 2))])
         self._sizes[rows.vehicle] = np.column_stack([rows.length, rows.width])
-        if self._file is None and fits_into_memory(len(time), len(self._names())):
-            return
-        with naming_the_place(self._beside):
-            for stretch, samples in self._stretches:
-                self._write(stretch, samples, time, robot)
-        self._stretches = []
-
-    def _write(self, rows: CarRows, count: int, time: np.ndarray, robot: RobotTrack) -> None:
-        first, last = self._written, self._written + count
+        first, last = self._written, self._written + len(stretch)
         table = rows_table(self._scene, time[first:last], robot.between(first, last), rows, tuple(self._names()))
         if self._file is None or self._writer is None:
             self._file = UnfinishedFile(self._beside)
@@ -100,7 +100,7 @@ class TrafficRecorder:
             self.end_stretch(time, robot)
         names = tuple(self._names())
         if self._writer is None or self._file is None:
-            return track_of([rows for rows, _ in self._stretches], [count for _, count in self._stretches], names)
+            return track_of([seen for stretch in self._stretches for seen in stretch], names)
         with naming_the_place(self._beside):
             self._writer.close()
             self._file.stream.flush()

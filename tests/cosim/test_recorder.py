@@ -233,7 +233,8 @@ def test_what_is_in_memory_does_not_grow_with_the_drive(tmp_path, small_memory):
         values = CarValues(np.empty(0), np.empty((0, 5)), 5.0, NOBODY)
         recorder.record(seen, values, Plan(IDLE, Target(1, 24.0)), CONTROL, FilterDecision(CONTROL), 0.01)
         cars = recorder._cars
-        held.append(cars._pending_rows + sum(len(rows.sample) for rows, _ in cars._stretches))
+        in_stretches = (len(each.x) for stretch in cars._stretches for each in stretch)
+        held.append(cars._pending_rows + sum(in_stretches))
     assert max(held[len(held) // 2 :]) <= 230
     assert max(held) <= 1000 + 230
 
