@@ -183,7 +183,8 @@ def _is_judged(observation: Observation) -> bool:
 
 def _observe(world: World) -> Observation:
     observation = world.observe()
-    if not all(abs(number) <= FARTHEST for number in observation.robot.tolist()):
+    x, y, heading, speed = observation.robot.tolist()
+    if not (abs(x) <= FARTHEST and abs(y) <= FARTHEST and abs(heading) <= FARTHEST and abs(speed) <= FARTHEST):
         raise SimulationError(
             f"the world has the robot at p_x, p_y, θ, v = {observation.robot.tolist()} at {observation.time:.2f} s;"
             " no filter can judge that, so look for what moved it there"
