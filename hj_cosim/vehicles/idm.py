@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from hj_cosim.kernels import kernel
 from hj_cosim.settings import DriverSettings, NormalDistribution
 
 # Columns of a driver's parameters, an array (J, 6) or (6,), in this order everywhere.
@@ -27,7 +27,20 @@ PARAMETER_NAMES = (
 SMALLEST_GAP = 0.1
 
 
-@njit(cache=True)
+@kernel
+def driver_of(drivers: np.ndarray, car: int) -> tuple[float, float, float, float, float, float]:
+    """Return a driver's parameters out of (J, 6), as numbers: kernels keep these in registers."""
+    return (
+        drivers[car, DESIRED_SPEED],
+        drivers[car, MAX_ACCELERATION],
+        drivers[car, COMFORTABLE_DECELERATION],
+        drivers[car, TIME_HEADWAY],
+        drivers[car, MINIMUM_GAP],
+        drivers[car, EXPONENT],
+    )
+
+
+@kernel
 def idm_acceleration(speed: float, gap: float, lead_speed: float, driver: np.ndarray) -> float:
     """Return IDM's acceleration a [1 − (v/v_0)^δ − (s*/s)²], with s* = s_0 + max(0, v T + v Δv / (2 √(a b))).
 
@@ -56,7 +69,7 @@ def idm_acceleration(speed: float, gap: float, lead_speed: float, driver: np.nda
     return max_acceleration * (1.0 - free - interaction * interaction)
 
 
-@njit(cache=True)
+@kernel
 def equilibrium_speed(gap: float, driver: np.ndarray) -> float:
     """Return the speed at which IDM neither brakes nor accelerates behind a leader of the same speed.
 

@@ -17,7 +17,8 @@ from hj_cosim.control.spc.escape import NO_MANOEUVRE, Extent, is_to_be_looked_at
 from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres
 from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed, worst_heading_sine
 from hj_cosim.reachability.games.highway.rows import write_row
-from hj_cosim.reachability.table.lookup import TableArrays, shift_of_grid, smooth_gradient_at, value_and_gradient_at
+from hj_cosim.reachability.table.lookup import shift_of_grid, smooth_gradient_at, value_and_gradient_at
+from hj_cosim.reachability.table.table_arrays import TableArrays
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 from hj_cosim.vehicles.idm import idm_acceleration
 
@@ -82,12 +83,12 @@ def _worst_inputs(gradient: np.ndarray, state: np.ndarray, other: Disturbance) -
 @njit(cache=True)
 def _gradient_within(game: Game, state: np.ndarray, gradient: np.ndarray) -> float:
     """Return V, and write ∇V; beyond the table V is +inf, and the gradient that of the nearest place on its edge."""
-    table = game.table
-    low, cells = table.lower, table.deficit.shape
-    rear = low[0] + shift_of_grid(table, state[3], state[4])
-    x = min(max(state[0], rear), rear + (cells[0] - 1) / table.inverse_spacing[0])
-    y = min(max(state[1], low[1]), low[1] + (cells[1] - 1) / table.inverse_spacing[1])
-    value = value_and_gradient_at(table, x, y, state[2], state[3], state[4], gradient)
+    grid = game.table.grid
+    low, cells = grid.lower, grid.shape
+    rear = low[0] + shift_of_grid(grid, state[3], state[4])
+    x = min(max(state[0], rear), rear + (cells[0] - 1) / grid.inverse_spacing[0])
+    y = min(max(state[1], low[1]), low[1] + (cells[1] - 1) / grid.inverse_spacing[1])
+    value = value_and_gradient_at(game.table.flat, grid, x, y, state[2], state[3], state[4], gradient)
     return value if x == state[0] and y == state[1] else math.inf
 
 
@@ -222,9 +223,16 @@ def _roll_out(
                 slopes[:] = gradients[j]  # the worst inputs go by the table's own
                 if game.smooth:
                     smooth_gradient_at(
-                        game.table, relative[0], relative[1], relative[2], relative[3], relative[4], slopes
+                        game.table.flat,
+                        game.table.grid,
+                        relative[0],
+                        relative[1],
+                        relative[2],
+                        relative[3],
+                        relative[4],
+                        slopes,
                     )
-                write_row(game.table.target, game.other, relative, looked_up[j], slopes, row)
+                write_row(game.table.grid.target, game.other, relative, looked_up[j], slopes, row)
                 begins = begun_row(row, game.epsilon, game.recovery, game.approach, box, omega, acceleration)
                 if begins != NOT_NEEDED:
                     p[count], q[count], c[count] = row[begins + 1], row[begins + 2], row[begins + 3]

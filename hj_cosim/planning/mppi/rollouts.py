@@ -10,7 +10,7 @@ from hj_cosim.planning.mppi.others import Others
 from hj_cosim.planning.optimistic.reward import RewardModel, total_reward
 from hj_cosim.reachability.table.lookup import value_at
 from hj_cosim.reachability.table.size_classes import class_of, offsets_in_class
-from hj_cosim.reachability.table.stack import TableStack, table_in
+from hj_cosim.reachability.table.stack import TableStack, grid_in
 
 # Cars are looked up in V ahead and behind, in the robot's own lane and those beside it: the nearest of each.
 _PLACES = 6
@@ -91,7 +91,7 @@ def worth(path: np.ndarray, controls: np.ndarray, outlook: Outlook, tables: Tabl
     lowest = -0.5 * (robot.lane_width - robot.width)
     highest = (robot.lane_count - 1) * robot.lane_width - lowest
     looks, numbers = outlook.reward.gamma_r < 1.0, tables.numbers
-    table, tabled = table_in(tables.flat, numbers, 0), 0
+    grid, tabled = grid_in(numbers, 0), 0
     nearest = np.empty(_PLACES, np.int64)
     total, weight, before = 0.0, step, controls[0, 1]
     for instant in range(1, len(path)):
@@ -107,11 +107,11 @@ def worth(path: np.ndarray, controls: np.ndarray, outlook: Outlook, tables: Tabl
                     length, width = others.length[car], others.width[car]
                     kind = class_of(numbers, length, width)
                     if kind != tabled:
-                        table, tabled = table_in(tables.flat, numbers, kind), kind
+                        grid, tabled = grid_in(numbers, kind), kind
                     p_x, p_y = offsets_in_class(
                         numbers, kind, x - others.x[instant, car], y - others.y[instant, car], length, width
                     )
-                    value = value_at(table, p_x, p_y, heading, speed, others.speed[instant, car])
+                    value = value_at(tables.flat, grid, p_x, p_y, heading, speed, others.speed[instant, car])
                     least = min(least, value)
         omega, acceleration = controls[instant - 1]
         change = acceleration - before

@@ -55,7 +55,6 @@ def prediction_model(
     steps = max(round(settings.action_time / settings.prediction_step), 1)
     step = settings.action_time / steps
     return PredictionModel(
-        driver=tuple(driver.tolist()),
         drivers=np.tile(driver, (vehicles, 1)),
         tells_apart=False,
         mobil=mobil_parameters(drivers.politeness, drivers.gain_threshold, drivers.safe_braking),

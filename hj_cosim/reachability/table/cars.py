@@ -7,7 +7,7 @@ from numba import njit
 
 from hj_cosim.reachability.table.lookup import smooth_gradient_at, value_and_gradient_at
 from hj_cosim.reachability.table.size_classes import class_of, classes_of, offsets_in_class
-from hj_cosim.reachability.table.stack import table_in
+from hj_cosim.reachability.table.stack import grid_in
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import NOBODY, Cars, CarValues, Observation, is_possible
 
@@ -89,12 +89,12 @@ def _car_values(
         return value, gradient, math.nan, NOBODY
     least, nearest, known = math.inf, NOBODY, True
     for kind in range(len(numbers)):
-        table = table_in(flat, numbers, kind)
+        grid = grid_in(numbers, kind)
         for j in range(len(value)):
             if class_of(numbers, length[j], width[j]) != kind:
                 continue
             p_x, p_y = offsets_in_class(numbers, kind, robot[0] - x[j], robot[1] - y[j], length[j], width[j])
-            value[j] = value_and_gradient_at(table, p_x, p_y, robot[2], robot[3], speed[j], gradient[j])
+            value[j] = value_and_gradient_at(flat, grid, p_x, p_y, robot[2], robot[3], speed[j], gradient[j])
             if value[j] < least:
                 least, nearest = value[j], j
             known = known and value[j] > -math.inf
@@ -117,11 +117,11 @@ def _smooth_gradients(
 ) -> np.ndarray:
     found = gradients.copy()
     for kind in range(len(numbers)):
-        table = table_in(flat, numbers, kind)
+        grid = grid_in(numbers, kind)
         for j in range(len(values)):
             if values[j] <= SMOOTHED and class_of(numbers, length[j], width[j]) == kind:
                 p_x, p_y = offsets_in_class(numbers, kind, robot[0] - x[j], robot[1] - y[j], length[j], width[j])
-                smooth_gradient_at(table, p_x, p_y, robot[2], robot[3], speed[j], found[j])
+                smooth_gradient_at(flat, grid, p_x, p_y, robot[2], robot[3], speed[j], found[j])
     return found
 
 
