@@ -53,7 +53,7 @@ def _given(**values: object) -> dict[str, object]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-# Fourteen parameters: each is a keyword of the library's face, and all but the first have to be named.
+# Sixteen parameters: each is a keyword of the library's face, and all but the first have to be named.
 def run_episode(
     scenario: str | Path | Scenario | Mapping[str, Any] = "paper",
     *,
@@ -66,6 +66,8 @@ def run_episode(
     table: str | None = None,
     ego: str | None = None,
     begin: float | None = None,
+    traffic: str | None = None,
+    record: str | None = None,
     settings: Sequence[str] | Mapping[str, Any] = (),
     out: Path | str | Callable[[EpisodeConfig], Path] | None = None,
     figures: bool = True,
@@ -86,6 +88,8 @@ def run_episode(
         table: a name in value_tables/ or a path to a specification; solved first if it has not been.
         ego: of a .sumocfg, the vehicle that the robot takes over; one with a long way ahead unless given.
         begin: of a .sumocfg, when the robot takes over, s; after 300 s of warm-up unless given.
+        traffic: of a .sumocfg, who drives the others: `theirs`, their own drivers (unless given), or `idm-mobil`, ours.
+        record: which cars are recorded: `near`, within 250 m of the robot, as of a .sumocfg unless given, or `all`.
         settings: any other knobs, `{"planner.gamma_r": 0.8}`, or as texts `planner.gamma_r=0.8`.
         out: the run folder to write, or a function that names one, such as `new_run_folder`; nothing is written unless
             given.
@@ -102,8 +106,10 @@ def run_episode(
     planner = planner if planner is None or isinstance(planner, str) else given(PLANNER, planner)
     filter = filter if filter is None or isinstance(filter, str) else given(FILTER, filter)
     flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
-    if ego is not None or begin is not None:
-        flags = overlay(flags, {"scenario": {"own": _given(ego=ego, begin=begin)}})
+    if own := _given(ego=ego, begin=begin, traffic=traffic):
+        flags = overlay(flags, {"scenario": {"own": own}})
+    if record is not None:
+        flags = overlay(flags, {"recording": {"cars": record}})
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
     tell = progress if isinstance(progress, EpisodeProgress) else EpisodeProgress(progress)
     folder = out(config) if callable(out) else None if out is None else given_path(out, "out")
@@ -115,7 +121,7 @@ def run_episode(
         value_table = load_tables(config.table, sizes, tell.solving, robot=config.robot, announce=tell.announce)
     if config.filter.priority == "belief":
         load_table(WORST_TABLE, tell.solving, robot=config.robot, announce=tell.announce)
-    episode = run_in_sumo(config, value_table, tell.driving, tell.announce)
+    episode = run_in_sumo(config, value_table, tell.driving, tell.announce, folder)
     if folder is None:
         return episode
     write_episode(episode, folder)

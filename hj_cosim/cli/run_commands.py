@@ -4,7 +4,7 @@ import logging
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -25,7 +25,7 @@ from hj_cosim.cli.console import (
 from hj_cosim.locations import runs_folder
 
 
-# Fifteen parameters: each is an option of the command line.
+# Seventeen parameters: each is an option of the command line.
 @app.command(
     epilog=example(
         "hj-cosim run dense --planner op --seed 3 --set planner.expansions=200",
@@ -43,6 +43,14 @@ def run(
     table: Annotated[str | None, typer.Option(help="A name in value_tables/ or a path to a specification.")] = None,
     ego: Annotated[str | None, typer.Option(help="Of a .sumocfg: the vehicle whose place the robot takes.")] = None,
     begin: Annotated[float | None, typer.Option(help="Of a .sumocfg: when the robot takes over, s.")] = None,
+    traffic: Annotated[
+        Literal["theirs", "idm-mobil"] | None,
+        typer.Option(help="Of a .sumocfg: who drives the others, their own drivers or IDM and MOBIL; theirs."),
+    ] = None,
+    record: Annotated[
+        Literal["near", "all"] | None,
+        typer.Option(help="Which cars are recorded: within 250 m, as of a .sumocfg unless given, or all."),
+    ] = None,
     assignments: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting; hj-cosim knobs lists them.")
     ] = None,
@@ -69,6 +77,8 @@ def run(
             table=table,
             ego=ego,
             begin=begin,
+            traffic=traffic,
+            record=record,
             settings=assignments or (),
             out=out or new_run_folder,
             figures=figures,

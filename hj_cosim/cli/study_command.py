@@ -12,7 +12,7 @@ from hj_cosim.cli.study_table import show_study
 from hj_cosim.errors import ConfigurationError
 
 
-# Fourteen parameters: each is an option of the command line.
+# Fifteen parameters: each is an option of the command line.
 @app.command(
     epilog=example(
         "hj-cosim study --episodes 20",
@@ -40,6 +40,10 @@ def study(
     scheduler: Annotated[str | None, typer.Option(help="A Dask scheduler, tcp://HOST:PORT.")] = None,
     keep: Annotated[
         Literal["all", "robot"] | None, typer.Option(help="all, or robot: no trajectories of cars; all.")
+    ] = None,
+    traffic: Annotated[
+        Literal["theirs", "idm-mobil"] | None,
+        typer.Option(help="Of a .sumocfg: who drives the others, their own drivers or IDM and MOBIL; theirs."),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the study in --out, which knows what it was asked for.")
@@ -71,6 +75,7 @@ def study(
             workers=workers,
             scheduler=scheduler,
             keep=keep,
+            traffic=traffic,
             resume=resume,
             out=out,
             progress=bar(bars, "driving episodes"),

@@ -38,6 +38,14 @@ class BeliefTrack:
             self._belief[:, : before.shape[1]] = before
         self._belief[place] = belief
 
+    def of(self, sample: np.ndarray, vehicle: np.ndarray) -> np.ndarray | None:
+        """Return what was believed of cars at samples, (n,), NaN where nobody judged; None where nobody ever did."""
+        known = self._belief.shape[1]
+        if known == 0:
+            return None
+        found = self._belief[sample, np.minimum(vehicle, known - 1)]
+        return np.where(vehicle < known, found, np.nan)
+
     def taken(self, samples: int, vehicles: int) -> np.ndarray | None:
         """Return the first samples, (samples, vehicles); None where nobody ever judged."""
         if self._belief.shape[1] == 0:

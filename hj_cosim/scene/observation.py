@@ -1,7 +1,7 @@
 """What the robot sees at one instant, as arrays in the road frame, and what it means to do."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -52,6 +52,20 @@ class Observation:
     def cars(self) -> Cars:
         """Where the cars are, how they move and how large they are; the same arrays, together."""
         return Cars(self.vehicle, self.x, self.y, self.heading, self.speed, self.length, self.width)
+
+    def within(self, distance: float) -> "Observation":
+        """Return it with those cars alone that are within a distance of the robot, m, from centre to centre."""
+        near = np.hypot(self.x - self.robot[0], self.y - self.robot[1]) <= distance
+        return self if near.all() else self.only(near)
+
+    def only(self, cars: np.ndarray) -> "Observation":
+        """Return it with some cars alone, by a mask (J,)."""
+        per_car = {each.name: getattr(self, each.name)[cars] for each in fields(self) if each.name not in _NOT_OF_CARS}
+        expected = None if self.expected_driver is None else self.expected_driver[cars]
+        return replace(self, **per_car, expected_driver=expected)
+
+
+_NOT_OF_CARS = ("time", "robot", "robot_acceleration", "expected_driver")
 
 
 @dataclass(frozen=True, slots=True)

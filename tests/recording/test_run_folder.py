@@ -7,7 +7,6 @@ import pytest
 from bent_roads import circle
 
 from hj_cosim.errors import RunFolderError
-from hj_cosim.recording import run_folder
 from hj_cosim.recording.run_folder import read_run, require_free_folder, write_run
 from hj_cosim.scene.road import StraightRoad
 from hj_cosim.scene.road_text import road_to_json
@@ -89,7 +88,7 @@ def test_a_run_reads_back_as_it_was_written(tmp_path, make_record):
 
 def test_many_row_groups_hold_the_same_rows_as_one(tmp_path, record, monkeypatch):
     write_run(tmp_path / "one", record, CONFIG, SUMMARY)
-    monkeypatch.setattr(run_folder, "ROWS_PER_GROUP", 100)
+    monkeypatch.setattr("hj_cosim.recording.trajectories.ROWS_PER_GROUP", 100)
     write_run(tmp_path / "many", record, CONFIG, SUMMARY)
 
     one, many = (pd.read_parquet(tmp_path / name / "trajectories.parquet") for name in ("one", "many"))

@@ -22,9 +22,9 @@ def car_values(table: ValueTable, observation: Observation) -> CarValues:
         table: V over (p_x, p_y, θ_r, v_r, v_o), of each car that of its size class: see `stack`.
         observation: finite or not; where it is not, nor is any value.
     """
-    cars = observation.cars
+    seen = observation
     value, gradient, least, nearest = _car_values(
-        *table.stack, observation.robot, cars.x, cars.y, cars.heading, cars.speed, cars.length, cars.width
+        *table.stack, seen.robot, seen.x, seen.y, seen.heading, seen.speed, seen.length, seen.width
     )
     return CarValues(value, gradient, least, nearest)
 

@@ -201,7 +201,7 @@ class SumoWorld:
             is_beside_somebody = self._fleet.is_beside_robot()
             self._request_lane_changes()
             self._session.expect_moves()
-            if rogues_begin:
+            if rogues_begin and self._rogues.roles:
                 self._rogues.place(self.observe(), self._clocks.traffic_step)
             self._puppet.place(robot, is_beside_somebody)
             self._session.step()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from loopback_cluster import LoopbackCluster
+from own_configurations import content, simulation
 
 from hj_cosim.errors import WorkerError
 from hj_cosim.reachability.games.highway import game
@@ -157,3 +158,33 @@ def test_planners_filters_and_games_in_files_travel_to_workers_that_do_not_have_
     assert list(study.table["episodes"]) == [1, 1, 0]
     config = (study.folder / "episodes" / "KeepRight-none" / "0" / "config.toml").read_text()
     assert f'kind = "{place}/mine.py:KeepRight"' in config
+
+
+def test_a_users_own_simulation_is_driven_by_two_workers_as_by_one_process(
+    start_cluster, small_specification, small_table, tmp_path
+):
+    """Their files lie where every worker reads them; two stacks, two seeds, their drivers and ours."""
+    theirs = simulation(tmp_path / "theirs")
+    before = content(theirs.parent)
+    asked = {
+        "stacks": ["idle-none", "hjop-spc-mi"],
+        "episodes": 2,
+        "seed": 1000,
+        "vary": "scenario.own.traffic=theirs,idm-mobil",
+        "settings": [f"table={small_specification}", "simulation.duration=1", "scenario.own.warm_up=30"],
+    }
+    workers = start_cluster()
+    for _ in range(2):
+        workers.add_worker()
+    driven = run_study(str(theirs), scheduler=workers.address, out=tmp_path / "cluster", **asked)
+    assert (driven.failures, driven.missing) == ((), 0)
+    reference = run_study(str(theirs), workers=1, out=tmp_path / "reference", **asked)
+    for name in ("table.csv", "differences.csv", "episodes.parquet"):
+        assert (driven.folder / name).read_bytes() == (reference.folder / name).read_bytes(), name
+    runs = sorted(path.parent.relative_to(driven.folder) for path in driven.folder.glob("episodes/**/summary.json"))
+    assert len(runs) == 8
+    for run in runs:
+        for name in ("config.toml", "own_simulation.toml", "trajectories.parquet", "robot.parquet", "summary.json"):
+            one, other = driven.folder / run / name, reference.folder / run / name
+            assert one.read_bytes() == other.read_bytes(), (run, name)
+    assert content(theirs.parent) == before
