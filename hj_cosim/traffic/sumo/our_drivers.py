@@ -42,11 +42,9 @@ def write_driver_types(folder: Path, drivers: DriverSettings, seed: int) -> Path
         drivers: what they are drawn from.
         seed: of the draw.
     """
-    path, (length, width) = folder / "drivers.add.xml", _ANY_BODY
+    path = folder / "drivers.add.xml"
     people = draw_drivers(drivers, PEOPLE, np.random.default_rng([seed, 5]))
-    types = [
-        vehicle_type(f"{TYPE}{number}", driver.tolist(), 1000.0, length, width) for number, driver in enumerate(people)
-    ]
+    types = [vehicle_type(f"{TYPE}{number}", driver, 1000.0, _ANY_BODY) for number, driver in enumerate(people)]
     path.write_text("\n".join(["<additional>", *types, "</additional>"]), encoding="utf-8")
     return path
 
