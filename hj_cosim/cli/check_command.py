@@ -22,7 +22,7 @@ _ROWS = (
 )
 
 
-# Nine parameters: each is an option of the command line.
+# Ten parameters: each is an option of the command line.
 @app.command(epilog=example("hj-cosim check highway --adversary search --games 200 --seed 1"))
 def check(
     specification: Specification,
@@ -35,6 +35,7 @@ def check(
     above: Annotated[float, typer.Option(help="m; games start with V above this.")] = 2.0,
     up_to: Annotated[float, typer.Option(help="m; and with V up to this.")] = 2.5,
     seed: Annotated[int, typer.Option(min=0, help="Of starts and search.")] = 0,
+    bicycle: Annotated[bool, typer.Option(help="The robot moves as a bicycle does, not as the table assumes.")] = False,
     preset: Annotated[str, typer.Option(help="best or paper: whose robot and filter.")] = "best",
     as_json: Json = False,
 ) -> None:
@@ -56,7 +57,9 @@ def check(
         table = load_table(specification, bar(bars, f"solving table {specification}"))
         for name in DESIRED:
             if desired is None or name in desired:
-                settings = AdversarySettings(games=games, desired=name, above=above, up_to=up_to, seed=seed)
+                settings = AdversarySettings(
+                    games=games, desired=name, above=above, up_to=up_to, bicycle=bicycle, seed=seed
+                )
                 report = search_adversary(table, settings, spc, robot, progress=bar(bars, f"searching: {name}"))
                 found[name] = {**asdict(report), "games": games}
     if as_json:

@@ -12,6 +12,14 @@ def test_check_searches_as_often_as_it_is_told_and_prints_what_it_found(call, sm
     assert found["cruise"]["rollouts"] == 2 * 48 * 6
 
 
+def test_a_bicycle_is_searched_for_as_such(call, small_specification):
+    options = ("--games", 3, "--desired", "steering_at_the_car", "--json")
+    reports = [json.loads(call("check", small_specification, *options, *more)[1]) for more in ((), ("--bicycle",))]
+    plain, bicycle = (report["steering_at_the_car"] for report in reports)
+    assert (plain["settings"]["bicycle"], bicycle["settings"]["bicycle"]) == (False, True)
+    assert plain["least_target"] != bicycle["least_target"]
+
+
 def test_what_check_cannot_do_is_said_in_one_sentence(call, small_specification):
     for options, said in (
         (["--adversary", "luck"], "--adversary luck is not known; there is: search"),
