@@ -112,17 +112,22 @@ def export(
     show_files(export_files(folder, format, out), as_json)
 
 
-@app.command(epilog=example("hj-cosim figure value-slice", "hj-cosim figure highway --run runs/paper-hjop-spc-mi-0"))
+@app.command(
+    epilog=example("hj-cosim figure value-slice", "hj-cosim figure timeline --run runs/paper-hjop-spc-mi-0 --width 85")
+)
 def figure(
     name: Annotated[str | None, typer.Argument(help="Which; without one, all are listed.")] = None,
     run: Annotated[Path | None, typer.Option(metavar="DIR", help="The run to draw, for figures of a run.")] = None,
     study: Annotated[Path | None, typer.Option(metavar="DIR", help="The study, for figures of a study.")] = None,
     out: Annotated[Path | None, typer.Option(help="A .png, .pdf, .svg or .csv; all but .svg by default.")] = None,
+    width: Annotated[
+        int | None, typer.Option(help="85 or 178 mm, one or two columns of a journal; the figure's own.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Draw a figure of the paper, or one beyond it, from our own data."""
     from hj_cosim.analysis.figures.gallery import FIGURES, draw_figure
-    from hj_cosim.analysis.figures.style import save_drawing
+    from hj_cosim.analysis.figures.style import PRINT_DPI, save_drawing
 
     if name is None:
         rows = [{"name": key, "drawn_from": kind.source, "shows": kind.description} for key, kind in FIGURES.items()]
@@ -130,7 +135,7 @@ def figure(
         return
     folder = run or study
     target = out or (folder / "figures" if folder else runs_folder() / "figures") / name
-    show_files(save_drawing(draw_figure(name, run=run, study=study), target), as_json)
+    show_files(save_drawing(draw_figure(name, run=run, study=study, width=width), target, PRINT_DPI), as_json)
 
 
 @app.command(epilog=example("hj-cosim replay runs/paper-hjop-spc-mi-0", "hj-cosim replay DIR --out drive.mp4"))

@@ -1,6 +1,6 @@
 """Every figure by its name, drawn from a run's or a study's folder or from a value table alone."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -11,14 +11,14 @@ import pyarrow.parquet as pq
 from hj_cosim.analysis.figures import control_sets as control_sets_figure
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
 from hj_cosim.analysis.figures.attack import ROWS as ATTACK_ROWS
-from hj_cosim.analysis.figures.density_sweep import PANELS, density_sweep
 from hj_cosim.analysis.figures.drive_map import drive_map
 from hj_cosim.analysis.figures.highway import highway
 from hj_cosim.analysis.figures.planner_comparison import planner_comparison
 from hj_cosim.analysis.figures.schematic import boxed_in, schematic
 from hj_cosim.analysis.figures.snapshots import snapshots
 from hj_cosim.analysis.figures.stacks import STACK_COLUMNS
-from hj_cosim.analysis.figures.style import Drawing
+from hj_cosim.analysis.figures.style import Drawing, require_width
+from hj_cosim.analysis.figures.sweep import PANELS, density_sweep, sweep
 from hj_cosim.analysis.figures.timeline import timeline
 from hj_cosim.analysis.figures.trade_off import METRICS_SHOWN, trade_off
 from hj_cosim.analysis.figures.value_along_drive import value_along_drive
@@ -52,31 +52,39 @@ class FigureKind:
     needs_table: bool = False  # a run's figure that looks values up
 
 
-def _trade_off_of(folder: Path) -> Drawing:
-    metrics = [f"{metric}{ending}" for metric in METRICS_SHOWN for ending in ("", "_lo", "_hi")]
-    return trade_off(read_study_table(folder / TABLE, (*STACK_COLUMNS, *metrics)))
+def _with_intervals(metrics: Iterable[str]) -> list[str]:
+    return [f"{metric}{ending}" for metric in metrics for ending in ("", "_lo", "_hi")]
 
 
-def _density_sweep_of(folder: Path) -> Drawing:
-    metrics = [f"{metric}{ending}" for metric, _ in PANELS for ending in ("", "_lo", "_hi")]
+def _trade_off_of(folder: Path, **width: int) -> Drawing:
+    return trade_off(read_study_table(folder / TABLE, (*STACK_COLUMNS, *_with_intervals(METRICS_SHOWN))), **width)
+
+
+def _sweep_of(folder: Path, **width: int) -> Drawing:
+    metrics = _with_intervals(metric for metric, _ in PANELS)
+    return sweep(read_study_table(folder / TABLE, (*STACK_COLUMNS, *metrics)), **width)
+
+
+def _density_sweep_of(folder: Path, **width: int) -> Drawing:
+    metrics = _with_intervals(metric for metric, _ in PANELS)
     table = read_study_table(folder / TABLE, ("scenario", *STACK_COLUMNS, "episodes", *metrics))
     densities = scenario_densities(folder)
     unknown = sorted(set(table.scenario) - densities.keys())
     if unknown:
         raise RunFolderError(f"{folder} holds no complete study: it has no episode of scenario {unknown[0]}")
-    return density_sweep(table, densities)
+    return density_sweep(table, densities, **width)
 
 
-def _attack_of(folder: Path) -> Drawing:
-    metrics = [f"{metric}{ending}" for metric, _ in ATTACK_ROWS for ending in ("", "_lo", "_hi")]
-    return attack(read_study_table(folder / TABLE, (BEHAVIOUR, SHARE, *STACK_COLUMNS, "episodes", *metrics)))
+def _attack_of(folder: Path, **width: int) -> Drawing:
+    metrics = _with_intervals(metric for metric, _ in ATTACK_ROWS)
+    return attack(read_study_table(folder / TABLE, (BEHAVIOUR, SHARE, *STACK_COLUMNS, "episodes", *metrics)), **width)
 
 
 FIGURES: Mapping[str, FigureKind] = {
     "schematic": FigureKind("table", "the robot among cars, on the value function", schematic),
     "boxed-in": FigureKind("table", "the robot boxed in by four cars", boxed_in),
     "value-slice": FigureKind("table", "the paper's slice of the value function", value_slice),
-    "planner-comparison": FigureKind("table", "plans of OP and HJOP, and the next two steps", planner_comparison),
+    "planner-comparison": FigureKind("table", "what OP and HJOP plan, and where it leads", planner_comparison),
     "highway": FigureKind("run", "a moment from above, cars in the colours of their values", highway, True),
     "snapshots": FigureKind("run", "the drive from above at evenly spaced times", snapshots),
     "drive-map": FigureKind("run", "the network from above, and the drive in the colours of its speed", drive_map),
@@ -87,12 +95,18 @@ FIGURES: Mapping[str, FigureKind] = {
     ),
     "trade-off": FigureKind("study", "1st percentile of 2D TTC over mean speed, with intervals", _trade_off_of),
     "attack": FigureKind("study", "collisions and speed over the share of drivers who mean harm", _attack_of),
+    "sweep": FigureKind("study", "speed, safety and interventions over a varied setting", _sweep_of),
     "density-sweep": FigureKind("study", "speed, safety and interventions over the density", _density_sweep_of),
 }
 
 
 def draw_figure(
-    name: str, *, run: Path | None = None, study: Path | None = None, table: ValueTable | None = None
+    name: str,
+    *,
+    run: Path | None = None,
+    study: Path | None = None,
+    table: ValueTable | None = None,
+    width: int | None = None,
 ) -> Drawing:
     """Draw a figure by its name.
 
@@ -101,28 +115,31 @@ def draw_figure(
         run: a run's folder, for figures of a run.
         study: a study's folder, for figures of a study.
         table: V; unless given, the run's table, or `highway`, which is solved first if it has not been.
+        width: mm, 85 (one column of a journal) or 178 (two); the figure's own unless given.
 
     Returns:
         The picture and its data; `style.save_drawing` writes both.
 
     Raises:
-        OutputError: if there is no such figure, or the folder that it needs is not given.
+        OutputError: if there is no such figure or width, or the folder that it needs is not given.
         RunFolderError: if the folder does not hold what the figure needs.
         TableError: if the table cannot be had.
     """
     if name not in FIGURES:
         raise OutputError(f"no figure is called {name!r}; choose one of {', '.join(FIGURES)}")
-    kind = FIGURES[name]
+    if width is not None:
+        require_width(width)
+    kind, sized = FIGURES[name], {} if width is None else {"width": width}
     if kind.source == "table":
-        return kind.draw(table or load_table(DEFAULT_TABLE))
+        return kind.draw(table or load_table(DEFAULT_TABLE), **sized)
     if kind.source == "study":
         if study is None:
             raise OutputError(f"figure {name} is drawn from a study; give its folder with --study")
-        return kind.draw(study)
+        return kind.draw(study, **sized)
     if run is None:
         raise OutputError(f"figure {name} is drawn from a run; give its folder with --run")
     read = read_run(run)
-    return kind.draw(read, table or table_of(read)) if kind.needs_table else kind.draw(read)
+    return kind.draw(read, table or table_of(read), **sized) if kind.needs_table else kind.draw(read, **sized)
 
 
 def table_of(run: Run) -> ValueTable:
