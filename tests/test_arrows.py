@@ -24,6 +24,7 @@ FLOORS = (
     ("analysis", "verification", "testing"),
     ("cosim",),
     ("study", "run", "training"),
+    ("watching",),
     ("cli", "examples"),
     ("__main__",),
 )

@@ -67,28 +67,29 @@ def replay_data(
         "lateralRate": tracking.k_1,
         "speedRate": tracking.k_2,
         "valueLimit": VALUE_LIMIT,
-        "colours": _colours(),
-        "robot": {name: _encode(column[kept], "u1" if name in flags else "f8") for name, column in columns.items()},
+        "colours": colours(),
+        "robot": {name: encoded(column[kept], "u1" if name in flags else "f8") for name, column in columns.items()},
         "cars": {
-            "start": _encode(np.concatenate([[0], np.cumsum(np.count_nonzero(near[kept], axis=1))]), "u4"),
-            "vehicle": _encode(car, "u4"),
-            "dx": _encode(relative[where], "f4"),
-            "y": _encode(traffic.y[where], "f4"),
-            "heading": _encode(traffic.heading[where], "f4"),
-            "speed": _encode(traffic.speed[where], "f4"),
-            "value": _encode(car_values(record, table)[where], "f4"),
-            "length": _encode(traffic.length[car], "f4"),
-            "width": _encode(traffic.width[car], "f4"),
+            "start": encoded(np.concatenate([[0], np.cumsum(np.count_nonzero(near[kept], axis=1))]), "u4"),
+            "vehicle": encoded(car, "u4"),
+            "dx": encoded(relative[where], "f4"),
+            "y": encoded(traffic.y[where], "f4"),
+            "heading": encoded(traffic.heading[where], "f4"),
+            "speed": encoded(traffic.speed[where], "f4"),
+            "value": encoded(car_values(record, table)[where], "f4"),
+            "length": encoded(traffic.length[car], "f4"),
+            "width": encoded(traffic.width[car], "f4"),
         },
     }
 
 
-def _encode(values: np.ndarray, kind: str) -> dict[str, str]:
+def encoded(values: np.ndarray, kind: str) -> dict[str, str]:
     """Return an array as base64 of little-endian numbers of a kind, as replay.js decodes it."""
     data = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
     return {"kind": kind, "data": base64.b64encode(data).decode("ascii")}
 
 
-def _colours() -> list[str]:
+def colours() -> list[str]:
+    """Return the colours of values from −VALUE_LIMIT to VALUE_LIMIT, as the page has them."""
     shades = np.round(255 * value_colours(np.linspace(-VALUE_LIMIT, VALUE_LIMIT, COLOURS))).astype(int)
     return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue, _ in shades]

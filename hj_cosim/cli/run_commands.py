@@ -1,14 +1,14 @@
 """Commands that drive an episode, or make something of one that was driven."""
 
 import logging
+from contextlib import nullcontext
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from hj_cosim.cli.app import Json, RunFolder, Scenario, app, example
+from hj_cosim.cli.app import Json, RunFolder, Scenario, Watch, app, example
 from hj_cosim.cli.console import (
     WarningCount,
     bar,
@@ -16,16 +16,18 @@ from hj_cosim.cli.console import (
     print_json,
     progress_bars,
     results,
+    say,
     show_files,
     show_place,
     show_repetition,
     show_rows,
     summary_table,
 )
+from hj_cosim.cli.watched import watched_drive
 from hj_cosim.locations import runs_folder
 
 
-# Fifteen parameters: each is an option of the command line.
+# Sixteen parameters: each is an option of the command line.
 @app.command(
     epilog=example(
         "hj-cosim run dense --planner op --seed 3 --set planner.expansions=200",
@@ -48,6 +50,7 @@ def run(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="The run's folder; a new one in runs/ by default.")] = None,
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Whether pictures are drawn.")] = True,
+    watch: Watch = False,
     verbose: Annotated[bool, typer.Option("--verbose", help="Print SUMO's warnings instead of counting them.")] = False,
     as_json: Json = False,
 ) -> None:
@@ -57,7 +60,7 @@ def run(
     warnings = WarningCount()
     if not verbose:
         logging.getLogger("hj_cosim").addHandler(warnings)
-    with progress_bars() as bars:
+    with progress_bars() as bars, watched_drive(Path(scenario).stem) if watch else nullcontext() as watching:
         episode = run_episode(
             scenario,
             planner=planner,
@@ -76,9 +79,12 @@ def run(
                 driving=bar(bars, f"driving {Path(scenario).stem}"),
                 solving=bar(bars, "solving the value table"),
                 drawing=bar(bars, "drawing"),
-                announce=partial(messages.print, markup=False, highlight=False, soft_wrap=True),
+                announce=say,
+                watch=None if watching is None else watching.beside,
             ),
         )
+        if watching is not None:
+            watching.end(f"the drive is over; it is in {episode.folder}")
     repeated = repetition_of(scenario, episode)
     if as_json:
         of_repetition = (

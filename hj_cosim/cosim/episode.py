@@ -45,6 +45,8 @@ from hj_cosim.verification.foresight import EVERY, ForesightAudit
 from hj_cosim.verification.promise_audit import PromiseAudit
 
 Progress = Callable[[int, int], None]  # samples driven, samples in all
+Record = Callable[..., None]  # a recorder's `record`
+Watch = Callable[[EpisodeConfig, World, Record], Record]  # returns what is called in its place, which calls it
 
 
 @dataclass(frozen=True, repr=False)
@@ -76,6 +78,7 @@ class Drive:
     diagnostics: Mapping[str, float]  # the filter's, and its guard's, summed over all steps
 
 
+# Nine parameters: the four that meet here, what is asked of them, and who looks on.
 def drive(
     world: World,
     planner: Planner,
@@ -85,6 +88,7 @@ def drive(
     audit: PromiseAudit | None = None,
     progress: Progress | None = None,
     foresight: ForesightAudit | None = None,
+    watch: Watch | None = None,
 ) -> Drive:
     """Drive one episode in a world that has settled, and return what happened.
 
@@ -103,6 +107,7 @@ def drive(
         audit: told of every step, if there is one; for filters that promise something about V.
         progress: called with the samples driven and the samples in all, once a plan.
         foresight: predicts the other cars once a second, if there is one.
+        watch: sees every sample, if there is one.
 
     Raises:
         SimulationError: if the world fails, or puts the robot where no robot can be.
@@ -112,6 +117,7 @@ def drive(
     samples = max(round(simulation.duration / simulation.step), 1)
     samples_per_plan = max(round(simulation.plan_period / simulation.step), 1)
     recorder = Recorder(samples, len(world.vehicle_names), config.robot)
+    record = recorder.record if watch is None else watch(config, world, recorder.record)
     guarded_planner = GuardedPlanner(planner, world.road)
     guarded_filter = GuardedFilter(safety_filter, robot)
     observation = _observe(world)
@@ -139,7 +145,7 @@ def drive(
         omega, acceleration = decision.control.omega, decision.control.acceleration
         turning = yaw_rate(observation.robot, omega, world.road)
         steering = steering_for(turning, float(observation.robot[3]), robot.wheelbase)
-        recorder.record(observation, values, plan, desired, decision, steering)
+        record(observation, values, plan, desired, decision, steering)
         if simulation.on_collision == "stop" and _collided(observation, config):
             ended = COLLISION
             break
@@ -157,8 +163,7 @@ def drive(
     if progress is not None:
         progress(samples, samples)
     rogues = world.rogues if isinstance(world, WorldWithRogues) else {}
-    record = recorder.finish(world.road, robot, world.vehicle_names, ended, rogues)
-    return Drive(record, guarded_filter.counts)
+    return Drive(recorder.finish(world.road, robot, world.vehicle_names, ended, rogues), guarded_filter.counts)
 
 
 def _is_judged(observation: Observation) -> bool:
@@ -215,6 +220,7 @@ def run_in_sumo(
     table: ValueTable,
     progress: Progress | None = None,
     announce: Callable[[str], None] | None = None,
+    watch: Watch | None = None,
 ) -> Episode:
     """Drive one episode in SUMO.
 
@@ -224,6 +230,7 @@ def run_in_sumo(
             scenario has; those that a user's own simulation turns out to have are solved, if they are not.
         progress: called with the samples driven and the samples in all, once a plan.
         announce: told what was chosen, overridden and silenced in a user's own simulation, before the drive.
+        watch: sees every sample, if there is one.
 
     Raises:
         NetworkError, ScenarioError: if the world cannot be built.
@@ -243,7 +250,7 @@ def run_in_sumo(
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
         audit = PromiseAudit(table.stack, promises=type(safety_filter) is SafetyPreservingFilter)
         foresight = ForesightAudit(config.planner, config.robot, drivers, world.road, table)
-        driven = drive(world, planner, safety_filter, table, config, audit, progress, foresight)
+        driven = drive(world, planner, safety_filter, table, config, audit, progress, foresight, watch)
     wall_seconds = time.perf_counter() - started
     summary = summarize(
         driven.record, config, audit.summary() | fallback_summary(driven.diagnostics) | foresight.summary()

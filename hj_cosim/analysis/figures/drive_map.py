@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib.collections import LineCollection
+from matplotlib.ticker import MaxNLocator
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.view import stretches
@@ -44,6 +45,7 @@ def drive_map(run: Run, width: int = style.PAGE) -> style.Drawing:
         corners = np.clip(corners, way.min(axis=0) - around, way.max(axis=0) + around)
     low, high = corners.min(axis=0) - MARGIN, corners.max(axis=0) + MARGIN
     share = float(np.clip((high[1] - low[1]) / (high[0] - low[0]), LEAST_SHARE[width], LARGEST_SHARE))
+    low[1], high[1] = 0.5 * (low[1] + high[1]) + 0.5 * share * (high[0] - low[0]) * np.array([-1.0, 1.0])
     with style.house_style():
         figure = style.sheet(width, 0.85 * width * share + 20.0, _message(run, length), to_scale=True)
         axes = figure.subplots()
@@ -55,7 +57,7 @@ def drive_map(run: Run, width: int = style.PAGE) -> style.Drawing:
         axes.plot(*way[0], "o", color=style.BLACK, markersize=4, zorder=4)
         axes.annotate("start", way[0], xytext=(4, 4), textcoords="offset points", fontsize=style.SMALLEST_FONT)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x (m)", ylabel="y (m)")
-        figure.colorbar(pieces, ax=axes, label="speed (m/s)", pad=0.01)
+        figure.colorbar(pieces, ax=axes, label="speed (m/s)", pad=0.01, ticks=MaxNLocator(4))
     return style.Drawing(figure, pd.DataFrame({"time": record.time, "x": x, "y": y, "speed": robot.speed}))
 
 

@@ -53,6 +53,8 @@ PRINT_DPI = 300
 _MM_PER_INCH = 25.4
 _POINTS_PER_INCH = 72.0
 _TITLE_SIZE = 9.0  # points
+LEGEND_SIZE = 7.5  # points
+_HANDLE = 40.0  # points beside a label in a legend
 _MARGIN = 4.0  # points left of a title
 _MEASURED = 1.03  # what a rendering may make of a text's width
 
@@ -69,8 +71,8 @@ _STYLE: dict[str, Any] = {
     "grid.linewidth": 0.6,
     "lines.linewidth": 1.4,
     "legend.frameon": False,
-    "legend.fontsize": 7.5,
-    "legend.title_fontsize": 7.5,
+    "legend.fontsize": LEGEND_SIZE,
+    "legend.title_fontsize": LEGEND_SIZE,
     "xtick.labelsize": 7.5,
     "ytick.labelsize": 7.5,
     "savefig.dpi": 160,
@@ -128,23 +130,31 @@ def sheet(width: int, height: float, message: str, *, to_scale: bool = False) ->
     inches = width / _MM_PER_INCH
     lines = _wrapped(message, (inches * _POINTS_PER_INCH - 2.0 * _MARGIN) / _MEASURED)
     title = (1.25 * _TITLE_SIZE * len(lines) + _MARGIN) / _POINTS_PER_INCH
-    figure = Figure(figsize=(inches, height / _MM_PER_INCH + title), layout="compressed" if to_scale else "constrained")
+    # Laid out as finely as it is printed: at a screen's resolution the rounded widths of texts are a point off.
+    size = (inches, height / _MM_PER_INCH + title)
+    figure = Figure(size, dpi=PRINT_DPI, layout="compressed" if to_scale else "constrained")
     figure.suptitle("\n".join(lines), x=_MARGIN / (inches * _POINTS_PER_INCH), ha="left", fontsize=_TITLE_SIZE)
     return figure
 
 
 def _wrapped(text: str, width: float) -> list[str]:
     """Return a text in lines of at most a width (points), at the title's size."""
-    font, lines = FontProperties(size=_TITLE_SIZE), [""]
+    lines = [""]
     # A number stays with its unit, and both sides of a relation with each other.
     together = re.sub(r"(?<=\d) (?=(?:m|s|km|m/s|%)\b|%)| (?=[<>=])|(?<=[<>=]) ", "\N{NO-BREAK SPACE}", signed(text))
     for word in together.split(" "):
         longer = f"{lines[-1]} {word}".strip()
-        if lines[-1] and text_to_path.get_text_width_height_descent(longer, font, ismath="$" in longer)[0] > width:
+        if lines[-1] and _width(longer, _TITLE_SIZE) > width:
             lines.append(word)
         else:
             lines[-1] = longer
     return lines
+
+
+def _width(text: str, size: float) -> float:
+    """Return the width of a text at a size, both in points."""
+    is_formula = text.count("$") - text.count(r"\$") > 1
+    return float(text_to_path.get_text_width_height_descent(text, FontProperties(size=size), ismath=is_formula)[0])
 
 
 def signed(text: str) -> str:
@@ -156,8 +166,8 @@ def legend_beside(figure: Figure, axes: Axes, width: int, title: str | None = No
     """Put the legend of some axes where it hides nothing: beside all axes, in one column below them."""
     handles, names = axes.get_legend_handles_labels()
     if width == COLUMN:
-        longest = max((len(name) for name in names), default=0)
-        columns = 2 if longest < 24 else 1
+        longest = max((_width(name, LEGEND_SIZE) for name in names), default=0.0)
+        columns = 2 if longest + _HANDLE < 0.5 * width / _MM_PER_INCH * _POINTS_PER_INCH else 1
         figure.legend(handles, names, loc="outside lower left", ncols=columns, title=title, alignment="left")
     else:
         figure.legend(handles, names, loc="outside right center", title=title)
