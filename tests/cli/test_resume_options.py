@@ -56,7 +56,7 @@ def finished(tmp_path_factory):
         synthetic = importlib.import_module("synthetic_episodes")
         patch.setattr(module, "load_tables", lambda name, sizes, progress, *, robot: None)
         patch.setattr(module, "drive_episode", synthetic.drive)
-        patch.setattr(module, "LocalWorkers", lambda _: InThisProcess())
+        patch.setattr("hj_cosim.study.engines.LocalWorkers", lambda *_: InThisProcess())
         return run_study(**STUDY, out=tmp_path_factory.mktemp("finished") / "study").folder
 
 
