@@ -3,6 +3,10 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN_ARGS ?=
 
+# Many tests start Python anew; where it may not keep what it compiled, as images of containers say, each takes 1 to 3 s
+# more.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: help run test test-cluster test-oldest coverage licences golden lint bench pictures networks clean
 .DEFAULT_GOAL := help
 

@@ -8,11 +8,13 @@ finish any more, and removes it.
 import os
 import re
 import tempfile
+import weakref
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from shutil import rmtree
+from shutil import copyfileobj, rmtree
+from typing import IO
 
 from hj_cosim.errors import HjCosimError
 
@@ -49,10 +51,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         with _claimed(lambda: _new_file(path), path.parent) as temporary:
             yield temporary
-            # mkstemp makes the file private; what we write is as readable as any other file of the user.
-            umask = os.umask(0)
-            os.umask(umask)
-            temporary.chmod(0o666 & ~umask)
+            make_readable(temporary)
             temporary.replace(path)
 
 
@@ -74,6 +73,59 @@ def temporary_folder(above: Path | None = None, name: str = "") -> Iterator[Path
         at_the_end = stack.pop_all()
     with at_the_end:
         yield folder
+
+
+class UnfinishedFile:
+    """A file that is written for as long as it takes, beside its place; gone with this object unless it is moved there.
+
+    Attributes:
+        stream: of it, open for reading and writing, wherever the file is moved to.
+    """
+
+    def __init__(self, beside: Path) -> None:
+        """Make it.
+
+        Args:
+            beside: the place near which it is made; missing folders are made.
+
+        Raises:
+            HjCosimError: if it cannot be made there.
+        """
+        with naming_the_place(beside):
+            beside.parent.mkdir(parents=True, exist_ok=True)
+            remove_abandoned(beside.parent)
+            self._path, lock = _make_and_lock(lambda: _new_file(beside))
+            self.stream: IO[bytes] = self._path.open("w+b")
+        weakref.finalize(self, _let_go, self._path, lock, self.stream)
+
+    def move_to(self, place: Path) -> None:
+        """Put what was written into a place, or a copy of it where it has been put into one before.
+
+        Raises:
+            OSError: if that is not possible.
+        """
+        self.stream.flush()
+        try:
+            self._path.replace(place)
+        except OSError:  # it lies on another disk, or elsewhere already
+            self.stream.seek(0)
+            with place.open("wb") as copy:
+                copyfileobj(self.stream, copy)
+        make_readable(place)
+
+
+def make_readable(path: Path) -> None:
+    """Make a temporary file, which is private, as readable as any other file of the user."""
+    umask = os.umask(0)
+    os.umask(umask)
+    path.chmod(0o666 & ~umask)
+
+
+def _let_go(path: Path, lock: int, stream: IO[bytes]) -> None:
+    with suppress(OSError):  # of a full disk, what is left to write
+        stream.close()
+    _remove(path)
+    os.close(lock)
 
 
 def require_writable(path: Path) -> None:

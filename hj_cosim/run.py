@@ -5,6 +5,7 @@ The loop that drives knows nothing of pictures; here the two meet.
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,10 @@ from hj_cosim.locations import given_path, runs_folder
 from hj_cosim.planning.contract import Planner
 from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
 from hj_cosim.reachability.table.size_classes import classes_met
-from hj_cosim.reachability.table.sized import load_tables
+from hj_cosim.reachability.table.sized import kept_tables, load_tables
 from hj_cosim.reachability.table.store import load_table
 from hj_cosim.recording.run_folder import require_free_folder
+from hj_cosim.rehearsal import can_be_rehearsed, rehearsed
 from hj_cosim.settings import EpisodeConfig, Scenario, overlay
 from hj_cosim.traffic.sources.scenarios import scenario_data, scenario_path
 
@@ -52,7 +54,7 @@ def _given(**values: object) -> dict[str, object]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-# Fourteen parameters: each is a keyword of the library's face, and all but the first have to be named.
+# Sixteen parameters: each is a keyword of the library's face, and all but the first have to be named.
 def run_episode(
     scenario: str | Path | Scenario | Mapping[str, Any] = "paper",
     *,
@@ -65,6 +67,8 @@ def run_episode(
     table: str | None = None,
     ego: str | None = None,
     begin: float | None = None,
+    traffic: str | None = None,
+    record: str | None = None,
     settings: Sequence[str] | Mapping[str, Any] = (),
     out: Path | str | Callable[[EpisodeConfig], Path] | None = None,
     figures: bool = True,
@@ -85,6 +89,8 @@ def run_episode(
         table: a name in value_tables/ or a path to a specification; solved first if it has not been.
         ego: of a .sumocfg, the vehicle that the robot takes over; one with a long way ahead unless given.
         begin: of a .sumocfg, when the robot takes over, s; after 300 s of warm-up unless given.
+        traffic: of a .sumocfg, who drives the others: `theirs`, their own drivers (unless given), or `idm-mobil`, ours.
+        record: which cars are recorded: `near`, within 250 m of the robot, as of a .sumocfg unless given, or `all`.
         settings: any other knobs, `{"planner.gamma_r": 0.8}`, or as texts `planner.gamma_r=0.8`.
         out: the run folder to write, or a function that names one, such as `new_run_folder`; nothing is written unless
             given.
@@ -101,18 +107,22 @@ def run_episode(
     planner = planner if planner is None or isinstance(planner, str) else given(PLANNER, planner)
     filter = filter if filter is None or isinstance(filter, str) else given(FILTER, filter)
     flags = stack_flags(planner=planner, filter=filter, scheme=scheme, duration=duration, table=table, seed=seed)
-    if ego is not None or begin is not None:
-        flags = overlay(flags, {"scenario": {"own": _given(ego=ego, begin=begin)}})
+    if own := _given(ego=ego, begin=begin, traffic=traffic):
+        flags = overlay(flags, {"scenario": {"own": own}})
+    if record is not None:
+        flags = overlay(flags, {"recording": {"cars": record}})
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
     tell = progress if isinstance(progress, EpisodeProgress) else EpisodeProgress(progress)
     folder = out(config) if callable(out) else None if out is None else given_path(out, "out")
     if folder is not None:
         require_free_folder(folder)
     sizes = classes_met(config.scenario.bodies)
-    value_table = load_tables(config.table, sizes, tell.solving, robot=config.robot, announce=tell.announce)
+    is_first = not all(kept.is_solved for kept in kept_tables(config.table, config.robot, sizes))
+    with rehearsed(config) if is_first and can_be_rehearsed(config) else nullcontext():
+        value_table = load_tables(config.table, sizes, tell.solving, robot=config.robot, announce=tell.announce)
     if config.filter.priority == "belief":
         load_table(WORST_TABLE, tell.solving, robot=config.robot, announce=tell.announce)
-    episode = run_in_sumo(config, value_table, tell.driving, tell.announce, tell.watch)
+    episode = run_in_sumo(config, value_table, tell.driving, tell.announce, folder, tell.watch)
     if folder is None:
         return episode
     write_episode(episode, folder)

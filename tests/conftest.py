@@ -1,9 +1,11 @@
 """What all rooms' tests share: a value table small enough to be solved anew for every test run."""
 
+import fcntl
 import os
 import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -18,6 +20,8 @@ from hj_cosim.settings import robot_and_filter
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))  # for the modules that tests share, in processes forked from ours too
+from longest_first import KEPT, Durations, by_seconds  # noqa: E402
+
 # Property tests take the same examples every time, however long one takes on a busy machine.
 settings.register_profile("repeatable", deadline=None, derandomize=True)
 settings.load_profile("repeatable")
@@ -29,16 +33,39 @@ def small_specification(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return Path(shutil.copy(HERE / "fixtures" / "highway_small.toml", tmp_path_factory.mktemp("tables")))
 
 
+@contextmanager
+def _solved_by_one_worker(specification: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Take the tables that another worker of these tests has solved, and leave it those that are solved meanwhile."""
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        yield
+        return
+    shared, own = tmp_path_factory.getbasetemp().parent / "solved", specification.parent
+    shared.mkdir(exist_ok=True)
+    with (shared / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        _copy_tables(shared, own)
+        yield
+        _copy_tables(own, shared)
+
+
+def _copy_tables(source: Path, target: Path) -> None:
+    for table in source.glob("*.npz"):
+        if not (target / table.name).exists():
+            shutil.copy(table, target)
+
+
 @pytest.fixture(scope="session")
-def small_table(small_specification: Path) -> ValueTable:
+def small_table(small_specification: Path, tmp_path_factory: pytest.TempPathFactory) -> ValueTable:
     """Return the coarse highway table, solved."""
-    return load_table(str(small_specification))
+    with _solved_by_one_worker(small_specification, tmp_path_factory):
+        return load_table(str(small_specification))
 
 
 @pytest.fixture(scope="session")
-def sized_table(small_specification: Path) -> ValueTable:
+def sized_table(small_specification: Path, tmp_path_factory: pytest.TempPathFactory) -> ValueTable:
     """Return that table with those of vans, trucks and long trucks."""
-    return load_tables(str(small_specification), SIZE_CLASSES, robot=robot_and_filter("best")[0])
+    with _solved_by_one_worker(small_specification, tmp_path_factory):
+        return load_tables(str(small_specification), SIZE_CLASSES, robot=robot_and_filter("best")[0])
 
 
 @pytest.fixture
@@ -55,9 +82,15 @@ def call(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) ->
     return run_command
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_configure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Durations(config), "durations of files")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Start with what takes longest in one piece, so that no worker waits for it at the end."""
-    items.sort(key=lambda item: item.path.name != "test_wheel.py" and item.path.parent.name != "study")
+    durations = config.pluginmanager.get_plugin("durations of files")
+    by_seconds(items, config.workerinput[KEPT] if durations is None else durations.known)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -28,11 +28,16 @@ def guaranteed_by_simulation(
         "response_time", "acceleration", "brake_min", "brake_max", "lateral_acceleration", "lateral_brake",
         "lateral_margin",
     )  # fmt: skip
-    return _simulate(np.array([parameters[name] for name in names]), states, heading, acceleration, top)
+    # Of the game with a time to collision; with none RSS's distances count.
+    beyond = [parameters.get("time_to_collision", 0.0), parameters.get("gap_at_collision", 0.0)]
+    return _simulate(np.array([*(parameters[name] for name in names), *beyond]), states, heading, acceleration, top)
 
 
 @njit
-def _longitudinal(rear: float, front: float, rho: float, gain: float, least: float, most: float) -> float:
+def _longitudinal(rear: float, front: float, c: np.ndarray) -> float:
+    rho, gain, least, most, time, gap = c[6], c[7], c[8], c[9], c[13], c[14]
+    if time > 0.0:
+        return max(gap + time * (rear - front), 0.0)
     after = rear + rho * gain
     return max(rear * rho + 0.5 * gain * rho * rho + after * after / (2.0 * least) - front * front / (2.0 * most), 0.0)
 
@@ -49,15 +54,15 @@ def _lateral(towards: float, rho: float, gain: float, brake: float, margin: floa
 @njit
 def _simulate(c: np.ndarray, states: np.ndarray, heading: float, acceleration: float, top: float) -> np.ndarray:
     omega, angle, braking, gaining, length, width = c[0], c[1], c[2], c[3], c[4], c[5]
-    rho, gain, b_min, b_max, side_gain, side_brake, margin = c[6], c[7], c[8], c[9], c[10], c[11], c[12]
+    rho, side_gain, side_brake, margin = c[6], c[10], c[11], c[12]
     found = np.empty(len(states))
     for i in range(len(states)):
         x, y, theta, v, slow = states[i]
         fast, least, most = slow, 0.0, 0.0
         lowest_left = lowest_right = np.inf
         for _ in range(round(DURATION / STEP) + 1):
-            from_behind = _longitudinal(fast, v, rho, gain, b_min, b_max)
-            to_the_front = _longitudinal(v, slow, rho, gain, b_min, b_max)
+            from_behind = _longitudinal(fast, v, c)
+            to_the_front = _longitudinal(v, slow, c)
             if x > most:
                 along = x - most - length - from_behind
             elif x < least:

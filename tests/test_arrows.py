@@ -14,7 +14,7 @@ PACKAGE = Path(hj_cosim.__file__).resolve().parent
 # From the cellar to the roof. A room knows the rooms of the lines above its own, and no other of its own line. A new
 # room has to be given its place here.
 FLOORS = (
-    ("errors",),
+    ("errors", "kernels"),
     ("settings", "files", "locations"),
     ("vehicles", "plugins"),
     ("scene",),
@@ -23,6 +23,7 @@ FLOORS = (
     ("traffic", "planning", "control"),
     ("analysis", "verification", "testing"),
     ("cosim",),
+    ("rehearsal",),
     ("study", "run", "training"),
     ("watching",),
     ("cli", "examples"),

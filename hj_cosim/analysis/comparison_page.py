@@ -6,7 +6,7 @@ from html import escape
 
 import pandas as pd
 
-from hj_cosim.analysis.figures.gallery import table_of
+from hj_cosim.analysis.figures.run_table import table_of
 from hj_cosim.analysis.figures.side_by_side import LOOKS
 from hj_cosim.analysis.figures.style import Drawing
 from hj_cosim.analysis.html import figure, html_table, label, page, replay_parts, resource, table_region, value_text

@@ -24,7 +24,8 @@ from hj_cosim.files import whole_file
 from hj_cosim.locations import given_path
 from hj_cosim.recording.record import ROBOT_NAME
 from hj_cosim.recording.run_bounds import open_columns
-from hj_cosim.recording.run_folder import TRAJECTORIES, read_config, require_not_own_file, road_of
+from hj_cosim.recording.run_folder import read_config, require_not_own_file, road_of
+from hj_cosim.recording.trajectories import TRAJECTORIES
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import shown
 
@@ -86,7 +87,7 @@ def export_files(folder: PathLike[str] | str, format: str | None, out: PathLike[
         raise RunFolderError(f"{folder} holds no run: {TRAJECTORIES} is missing")
     config = read_config(folder) if kind in ("fcd", "highd") else {}
     try:
-        with open_columns(folder / TRAJECTORIES) as trajectories:
+        with open_columns(folder / TRAJECTORIES, TRAJECTORIES) as trajectories:
             _require_columns(trajectories.schema_arrow)
             with ExitStack() as whole:
                 temporary, *beside = [whole.enter_context(whole_file(path)) for path in written]

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.road_view import body_corners
@@ -174,6 +174,7 @@ class FrameArtist:
         for corners, colour, rogue in zip(self._to_pixels(bodies, sample), colours, rogues, strict=True):
             edge, width = (style.ROGUE, 3 * OVERSAMPLING) if rogue else (style.CAR_EDGE, OVERSAMPLING)
             draw.polygon([tuple(corner) for corner in corners], tuple(colour[:3]), edge, width)
+        self._draw_rings(draw, sample, seen)
         x, y, heading = (
             column[sample : sample + 1] for column in (record.robot.x, record.robot.y, record.robot.heading)
         )
@@ -181,6 +182,24 @@ class FrameArtist:
         outline = style.INTERVENTION if self._flashes(sample) else style.BLACK
         corners = [tuple(corner) for corner in self._to_pixels(body, sample)]
         draw.polygon(corners, style.ROBOT, outline, 2 * OVERSAMPLING)
+
+    def _draw_rings(self, draw: ImageDraw.ImageDraw, sample: int, seen: np.ndarray) -> None:
+        """Draw a ring around each car that the filter suspects, the darker the likelier it is that it means harm."""
+        record, traffic = self._run.record, self._run.record.traffic
+        if record.belief is None:
+            return
+        rings = body_corners(
+            traffic.x[sample, seen],
+            traffic.y[sample, seen],
+            traffic.heading[sample, seen],
+            traffic.length[seen] + style.RING[0],
+            traffic.width[seen] + style.RING[1],
+        )
+        road, ring = (np.array(ImageColor.getrgb(colour)) for colour in (style.ASPHALT, style.SUSPECT))
+        for corners, likely in zip(self._to_pixels(rings, sample), record.belief[sample, seen], strict=True):
+            if likely > 0.0:  # not where nobody judged
+                colour = tuple(np.round(road + likely * (ring - road)).astype(int).tolist())
+                draw.polygon([tuple(corner) for corner in corners], None, colour, 2 * OVERSAMPLING)
 
     def _draw_background(self) -> Image.Image:
         """Return what is the same in every frame: the asphalt and the strips' curves."""

@@ -9,6 +9,7 @@ import numpy as np
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.value_plot import VALUE_LIMIT, value_colours
 from hj_cosim.analysis.values import car_values
+from hj_cosim.analysis.view import height_of, stretches
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import RunRecord
 from hj_cosim.settings import TrackingSettings
@@ -17,6 +18,10 @@ NEAR = 120.0  # m, cars within this are shown
 BYTES_PER_CAR = 32  # of a sample: eight numbers of four bytes
 LARGEST = 3_500_000  # bytes of cars, so that the page stays below 8 MB with its figures, in base64
 COLOURS = 121
+BEHIND, AHEAD = 50.0, 100.0  # m of the road in the page's view
+SHOWN_BEHIND, SHOWN_AHEAD = 150.0, 150.0  # m, of a bend, beside the drive: cars beyond the view are there, too
+EVERY = 4.0  # m of s between two places of a bend's line: half a centimetre off at a radius of 400 m
+LOOKED_AT_EVERY = 50  # samples, between two looks at how high the picture of a bend is
 _ROBOT_COLUMNS = [
     "x",
     "y",
@@ -55,10 +60,15 @@ def replay_data(
     columns |= {name: getattr(record.threats, name) for name in ("ttc", "min_gap", "collision")}
     flags = ("intervening", "collision")
     step = float(record.time[every] - record.time[0]) if len(kept) > 1 else 1.0
-    return {
+    rings, believed = dict[str, Any](), dict[str, Any]()
+    if record.belief is not None:
+        rings = {"suspectColour": style.SUSPECT, "ring": style.RING}
+        believed = {"belief": encoded(np.nan_to_num(record.belief[where]), "f4")}
+    shown = {
         "names": list(traffic.names),
         "rogues": record.is_rogue.tolist(),
         "rogueColour": style.ROGUE,
+        **rings,
         "lanes": record.road.lane_count,
         "laneWidth": record.road.lane_width,
         "robotLength": record.robot_length,
@@ -79,7 +89,30 @@ def replay_data(
             "value": encoded(car_values(record, table)[where], "f4"),
             "length": encoded(traffic.length[car], "f4"),
             "width": encoded(traffic.width[car], "f4"),
+            **believed,
         },
+    }
+    return shown if record.road.is_straight else {**shown, "bend": _bend(record)}
+
+
+def _bend(record: RunRecord) -> dict[str, Any]:
+    """Return the road as it bends along a drive: its line d = 0 every EVERY m of s, and the lanes of its stretches."""
+    road, driven = record.road, record.robot.x
+    first, last = float(driven.min()) - SHOWN_BEHIND, float(driven.max()) + SHOWN_AHEAD
+    along = np.arange(first, last + EVERY, EVERY)
+    x, y, heading = road.to_world(along, 0.0 * along, 0.0 * along)
+    low, high = height_of(road, driven[::LOOKED_AT_EVERY], BEHIND, AHEAD)
+    return {
+        "start": first,
+        "every": EVERY,
+        "x": encoded(x - x[0], "f4"),
+        "y": encoded(y - y[0], "f4"),
+        "heading": encoded(np.unwrap(heading), "f4"),
+        "low": low - 1.0,
+        "high": high + 1.0,
+        "stretches": [
+            [float(s[0]), float(s[-1]), float(lines[0]), len(lines) - 1] for s, lines in stretches(road, first, last)
+        ],
     }
 
 

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from html import escape
 from pathlib import Path
 
-from hj_cosim.analysis.figures.gallery import draw_figure, table_of
+from hj_cosim.analysis.figures.gallery import draw_figure
+from hj_cosim.analysis.figures.run_table import table_of
 from hj_cosim.analysis.html import figure, label, meaning, page, replay_parts, toml, value_text
 from hj_cosim.analysis.plan_path import tracking_of
 from hj_cosim.analysis.replay_data import replay_data

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from hj_cosim.analysis.figures.gallery import table_of
+from hj_cosim.analysis.figures.run_table import table_of
 from hj_cosim.analysis.figures.stacks import varying_factors
 from hj_cosim.analysis.html import page, replay_parts
 from hj_cosim.analysis.plan_path import tracking_of
@@ -15,9 +15,10 @@ from hj_cosim.analysis.replay_data import replay_data
 from hj_cosim.errors import RunFolderError
 from hj_cosim.files import whole_file
 from hj_cosim.reachability.table.table import ValueTable
-from hj_cosim.recording.run_folder import SUMMARY, TRAJECTORIES, read_config, read_run
+from hj_cosim.recording.run_folder import SUMMARY, read_config, read_run
 from hj_cosim.recording.study_files import EPISODES
 from hj_cosim.recording.summary_file import read_summary
+from hj_cosim.recording.trajectories import TRAJECTORIES
 
 REPLAY = "replay.html"
 REPLAY_BYTES = 400_000  # of the cars in one; a study has hundreds

@@ -10,7 +10,8 @@ from urllib.parse import quote
 import pandas as pd
 
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE
-from hj_cosim.analysis.figures.gallery import TEXT_COLUMNS, draw_figure, read_study_table
+from hj_cosim.analysis.figures.gallery import draw_figure
+from hj_cosim.analysis.figures.of_study import TEXT_COLUMNS, read_study_table
 from hj_cosim.analysis.figures.stacks import STACK_COLUMNS, varying_factors
 from hj_cosim.analysis.html import figure, label, meaning, page, resource, shown, table_region, value_text
 from hj_cosim.analysis.study_episodes import REPLAY, StudyEpisode, study_episodes, write_replays

@@ -7,7 +7,7 @@ from numba import njit
 
 from hj_cosim.reachability.table.lookup import value_at
 from hj_cosim.reachability.table.size_classes import class_of, offsets_in_class
-from hj_cosim.reachability.table.stack import TableStack, table_in
+from hj_cosim.reachability.table.stack import TableStack, grid_in
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import RunRecord
 
@@ -34,13 +34,13 @@ def _car_values(
     values, numbers = np.full((samples, cars), math.inf, np.float32), tables.numbers
     for j in range(cars):
         kind = class_of(numbers, sizes[j, 0], sizes[j, 1])
-        table = table_in(tables.flat, numbers, kind)
+        grid = grid_in(numbers, kind)
         for t in range(samples):
             if present[t, j]:
                 p_x, p_y = offsets_in_class(
                     numbers, kind, robot[t, 0] - x[t, j], robot[t, 1] - y[t, j], sizes[j, 0], sizes[j, 1]
                 )
-                values[t, j] = value_at(table, p_x, p_y, robot[t, 2], robot[t, 3], speed[t, j])
+                values[t, j] = value_at(tables.flat, grid, p_x, p_y, robot[t, 2], robot[t, 3], speed[t, j])
     return values
 
 

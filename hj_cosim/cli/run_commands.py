@@ -4,7 +4,7 @@ import logging
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -27,7 +27,7 @@ from hj_cosim.cli.watched import watched_drive
 from hj_cosim.locations import runs_folder
 
 
-# Sixteen parameters: each is an option of the command line.
+# Eighteen parameters: each is an option of the command line.
 @app.command(
     epilog=example(
         "hj-cosim run dense --planner op --seed 3 --set planner.expansions=200",
@@ -45,6 +45,14 @@ def run(
     table: Annotated[str | None, typer.Option(help="A name in value_tables/ or a path to a specification.")] = None,
     ego: Annotated[str | None, typer.Option(help="Of a .sumocfg: the vehicle whose place the robot takes.")] = None,
     begin: Annotated[float | None, typer.Option(help="Of a .sumocfg: when the robot takes over, s.")] = None,
+    traffic: Annotated[
+        Literal["theirs", "idm-mobil"] | None,
+        typer.Option(help="Of a .sumocfg: who drives the others, their own drivers or IDM and MOBIL; theirs."),
+    ] = None,
+    record: Annotated[
+        Literal["near", "all"] | None,
+        typer.Option(help="Which cars are recorded: within 250 m, as of a .sumocfg unless given, or all."),
+    ] = None,
     assignments: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting; hj-cosim knobs lists them.")
     ] = None,
@@ -72,6 +80,8 @@ def run(
             table=table,
             ego=ego,
             begin=begin,
+            traffic=traffic,
+            record=record,
             settings=assignments or (),
             out=out or new_run_folder,
             figures=figures,
@@ -132,13 +142,15 @@ def figure(
     as_json: Json = False,
 ) -> None:
     """Draw a figure of the paper, or one beyond it, from our own data."""
-    from hj_cosim.analysis.figures.gallery import FIGURES, draw_figure
-    from hj_cosim.analysis.figures.style import PRINT_DPI, save_drawing
+    from hj_cosim.analysis.figures.catalogue import FIGURES
 
     if name is None:
         rows = [{"name": key, "drawn_from": kind.source, "shows": kind.description} for key, kind in FIGURES.items()]
         show_rows("figures", rows, as_json)
         return
+    from hj_cosim.analysis.figures.gallery import draw_figure
+    from hj_cosim.analysis.figures.style import PRINT_DPI, save_drawing
+
     folder = run or study
     target = out or (folder / "figures" if folder else runs_folder() / "figures") / name
     show_files(save_drawing(draw_figure(name, run=run, study=study, width=width), target, PRINT_DPI), as_json)
@@ -151,7 +163,7 @@ def replay(
     as_json: Json = False,
 ) -> None:
     """Animate a run: the drive from above, the robot's plan, the cars in the colours of their values."""
-    from hj_cosim.analysis.figures.gallery import table_of
+    from hj_cosim.analysis.figures.run_table import table_of
     from hj_cosim.analysis.replay import write_replay
     from hj_cosim.recording.run_folder import read_run
 

@@ -43,6 +43,10 @@ def study(
     keep: Annotated[
         Literal["all", "robot"] | None, typer.Option(help="all, or robot: no trajectories of cars; all.")
     ] = None,
+    traffic: Annotated[
+        Literal["theirs", "idm-mobil"] | None,
+        typer.Option(help="Of a .sumocfg: who drives the others, their own drivers or IDM and MOBIL; theirs."),
+    ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the study in --out, which knows what it was asked for.")
     ] = False,
@@ -74,6 +78,7 @@ def study(
             workers=workers,
             scheduler=scheduler,
             keep=keep,
+            traffic=traffic,
             resume=resume,
             out=out,
             progress=bar(bars, "driving episodes"),

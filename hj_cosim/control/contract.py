@@ -29,6 +29,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
+import numpy as np
+
 from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import FilterSettings, RobotSettings, Settings
@@ -59,6 +61,8 @@ class FilterDecision:
     control: Control  # to apply for the next step
     constraints: int = 0  # how many cars constrain it, |K|
     slack: float = 0.0  # by how much the constraints are missed; 0 where they are met
+    # (J,) of each car, the probability that its driver means harm, from a filter that judges that; it is recorded.
+    belief: np.ndarray | None = None
     # Numbers by name, such as {"escaped": 1}; each is summed over the drive.
     diagnostics: Mapping[str, float] = field(default_factory=dict)
 

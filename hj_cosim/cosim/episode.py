@@ -1,5 +1,7 @@
 """One episode: the robot drives through the world, planned for at 1 Hz, filtered at 50 Hz, recorded, written."""
 
+import math
+import tempfile
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -34,10 +36,12 @@ from hj_cosim.recording.frames import RunFrames
 from hj_cosim.recording.record import COLLISION, DURATION, RunRecord
 from hj_cosim.recording.run_folder import Keep, write_run
 from hj_cosim.recording.summary_file import summary_html, summary_sentence
+from hj_cosim.recording.trajectories import Scene
 from hj_cosim.recording.versions import TABLE, program_versions
-from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target, is_possible
+from hj_cosim.scene.observation import FARTHEST, Control, Observation, Target
+from hj_cosim.scene.possible import is_possible
 from hj_cosim.settings import EpisodeConfig
-from hj_cosim.traffic.contract import World, WorldWithRogues
+from hj_cosim.traffic.contract import World, WorldWithOthers, WorldWithRogues
 from hj_cosim.traffic.sumo.own_world import OwnWorld
 from hj_cosim.traffic.sumo.world import SumoWorld
 from hj_cosim.vehicles.bicycle import steering_for
@@ -78,7 +82,7 @@ class Drive:
     diagnostics: Mapping[str, float]  # the filter's, and its guard's, summed over all steps
 
 
-# Nine parameters: the four that meet here, what is asked of them, and who looks on.
+# Ten parameters: the four that meet here, what is asked of them, who looks on, and where it is written.
 def drive(
     world: World,
     planner: Planner,
@@ -88,6 +92,7 @@ def drive(
     audit: PromiseAudit | None = None,
     progress: Progress | None = None,
     foresight: ForesightAudit | None = None,
+    beside: Path | None = None,
     watch: Watch | None = None,
 ) -> Drive:
     """Drive one episode in a world that has settled, and return what happened.
@@ -107,16 +112,27 @@ def drive(
         audit: told of every step, if there is one; for filters that promise something about V.
         progress: called with the samples driven and the samples in all, once a plan.
         foresight: predicts the other cars once a second, if there is one.
+        beside: where the run will be written, so that what does not fit into memory is written near it already; in the
+            system's folder for temporary files unless given.
         watch: sees every sample, if there is one.
 
     Raises:
+        HjCosimError: if what does not fit into memory cannot be written.
         SimulationError: if the world fails, or puts the robot where no robot can be.
         PluginError: if the planner or the filter fails, takes too long, or answers what cannot be.
     """
     simulation, robot = config.simulation, config.robot
     samples = max(round(simulation.duration / simulation.step), 1)
     samples_per_plan = max(round(simulation.plan_period / simulation.step), 1)
-    recorder = Recorder(samples, len(world.vehicle_names), config.robot)
+    rogues = world.rogues if isinstance(world, WorldWithRogues) else {}
+    scene = Scene(world.road, robot.length, robot.width, rogues)
+    records_all = config.recording.cars == "all"
+    # A user's own simulation shows those alone who are near by its own measure.
+    within = math.inf if records_all or config.scenario.own.is_given else config.recording.within
+    recorder = Recorder(
+        scene, lambda: world.vehicle_names, robot, samples, beside or Path(tempfile.gettempdir()) / "drive", within
+    )
+    farther = world if records_all and isinstance(world, WorldWithOthers) else None
     record = recorder.record if watch is None else watch(config, world, recorder.record)
     guarded_planner = GuardedPlanner(planner, world.road)
     guarded_filter = GuardedFilter(safety_filter, robot)
@@ -145,7 +161,8 @@ def drive(
         omega, acceleration = decision.control.omega, decision.control.acceleration
         turning = yaw_rate(observation.robot, omega, world.road)
         steering = steering_for(turning, float(observation.robot[3]), robot.wheelbase)
-        record(observation, values, plan, desired, decision, steering)
+        everybody = None if farther is None else farther.everybody()
+        record(observation, values, plan, desired, decision, steering, everybody)
         if simulation.on_collision == "stop" and _collided(observation, config):
             ended = COLLISION
             break
@@ -162,8 +179,7 @@ def drive(
                 audit.judge(decision, before, observation)
     if progress is not None:
         progress(samples, samples)
-    rogues = world.rogues if isinstance(world, WorldWithRogues) else {}
-    return Drive(recorder.finish(world.road, robot, world.vehicle_names, ended, rogues), guarded_filter.counts)
+    return Drive(recorder.finish(ended), guarded_filter.counts)
 
 
 def _is_judged(observation: Observation) -> bool:
@@ -173,7 +189,8 @@ def _is_judged(observation: Observation) -> bool:
 
 def _observe(world: World) -> Observation:
     observation = world.observe()
-    if not np.abs(observation.robot).max() <= FARTHEST:
+    x, y, heading, speed = observation.robot.tolist()
+    if not (abs(x) <= FARTHEST and abs(y) <= FARTHEST and abs(heading) <= FARTHEST and abs(speed) <= FARTHEST):
         raise SimulationError(
             f"the world has the robot at p_x, p_y, θ, v = {observation.robot.tolist()} at {observation.time:.2f} s;"
             " no filter can judge that, so look for what moved it there"
@@ -210,7 +227,8 @@ def open_world(config: EpisodeConfig, table: ValueTable | None = None) -> SumoWo
     scenario, robot, seed, simulation = config.scenario, config.robot, config.seed, config.simulation
     if scenario.own.is_given:
         fastest = config.planner.speed_high
-        return OwnWorld(scenario, robot, seed, simulation.step, simulation.traffic_step, fastest)
+        looks_farther = config.recording.cars == "all"
+        return OwnWorld(scenario, robot, seed, simulation.step, simulation.traffic_step, fastest, looks_farther)
     values = None if table is None else partial(car_values, table)
     return SumoWorld(scenario, robot, seed, simulation.step, traffic_step=simulation.traffic_step, values=values)
 
@@ -220,6 +238,7 @@ def run_in_sumo(
     table: ValueTable,
     progress: Progress | None = None,
     announce: Callable[[str], None] | None = None,
+    beside: Path | None = None,
     watch: Watch | None = None,
 ) -> Episode:
     """Drive one episode in SUMO.
@@ -230,6 +249,7 @@ def run_in_sumo(
             scenario has; those that a user's own simulation turns out to have are solved, if they are not.
         progress: called with the samples driven and the samples in all, once a plan.
         announce: told what was chosen, overridden and silenced in a user's own simulation, before the drive.
+        beside: as `drive` takes it.
         watch: sees every sample, if there is one.
 
     Raises:
@@ -250,7 +270,7 @@ def run_in_sumo(
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
         audit = PromiseAudit(table.stack, promises=type(safety_filter) is SafetyPreservingFilter)
         foresight = ForesightAudit(config.planner, config.robot, drivers, world.road, table)
-        driven = drive(world, planner, safety_filter, table, config, audit, progress, foresight, watch)
+        driven = drive(world, planner, safety_filter, table, config, audit, progress, foresight, beside, watch)
     wall_seconds = time.perf_counter() - started
     summary = summarize(
         driven.record, config, audit.summary() | fallback_summary(driven.diagnostics) | foresight.summary()

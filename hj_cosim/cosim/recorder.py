@@ -1,39 +1,53 @@
-"""Collects an episode, sample by sample, into arrays that are allocated once."""
+"""Collects an episode, sample by sample: the robot in memory, the cars as `recording.traffic_recorder` has them."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 
 from hj_cosim.control.contract import FilterDecision
 from hj_cosim.metrics.threats import threat_track
 from hj_cosim.planning.contract import Plan
-from hj_cosim.recording.record import NO_VEHICLE, RobotTrack, RunRecord, TrafficTrack
+from hj_cosim.recording.beliefs import BeliefTrack
+from hj_cosim.recording.record import NO_VEHICLE, RobotTrack, RunRecord
+from hj_cosim.recording.traffic_recorder import TrafficRecorder
+from hj_cosim.recording.trajectories import Scene
 from hj_cosim.scene.observation import CarValues, Control, Observation
-from hj_cosim.scene.road import Road
 from hj_cosim.settings import RobotSettings
-
-ROOM_GROWTH = 2  # times as many columns as before, where a car comes that has none
 
 
 class Recorder:
     """The tracks of one episode while it is being driven."""
 
-    def __init__(self, samples: int, vehicles: int, limits: RobotSettings) -> None:
-        """Make room.
+    # Six parameters beside itself: what is recorded, how much of it, and where.
+    def __init__(
+        self,
+        scene: Scene,
+        names: Callable[[], Sequence[str]],
+        limits: RobotSettings,
+        samples: int,
+        beside: Path,
+        within: float = math.inf,
+    ) -> None:
+        """Begin with nothing.
 
         Args:
-            samples: that may be taken at most.
-            vehicles: cars that are known at the beginning; more may come.
+            scene: the road, the robot's body, who means harm.
+            names: returns those of the cars that have come by now, by number.
             limits: of the robot, whose ranges say what is another control than desired.
+            samples: that may be taken at most.
+            beside: the place near which a file is made if there is more than the memory is to hold.
+            within: m from the robot, where cars are recorded.
         """
-        self._limits = limits
-        self._taken = 0
-        self._time = np.zeros(samples)
-        self._traffic = TrafficTrack.empty(("",) * vehicles, np.zeros(vehicles), np.zeros(vehicles), samples)
-        self._robot = RobotTrack.empty(samples)
+        self._scene, self._limits, self._within = scene, limits, within
+        self._cars = TrafficRecorder(scene, names, beside)
+        self._samples: list[tuple[float, ...]] = []  # of time and robot, since the last stretch ended
+        self._time, self._robot, self._taken = np.zeros(samples), RobotTrack.empty(samples), 0
+        self._beliefs = BeliefTrack(samples)
 
+    # Seven parameters: what each part of the loop has to say of a sample, and who else is there.
     def record(
         self,
         observation: Observation,
@@ -42,6 +56,7 @@ class Recorder:
         desired: Control,
         decision: FilterDecision,
         steering: float,
+        everybody: Observation | None = None,
     ) -> None:
         """Take one sample.
 
@@ -52,65 +67,68 @@ class Recorder:
             desired: the tracking controller's control.
             decision: what the filter made of it.
             steering: δ, rad, that goes to the bicycle.
+            everybody: whose motion is recorded; those of the observation unless given.
         """
-        sample = self._taken
-        self._taken += 1
-        self._time[sample] = observation.time
+        target, control = plan.target, decision.control
+        self._samples.append(
+            (
+                observation.time,
+                *observation.robot.tolist(),
+                steering,
+                control.omega,
+                control.acceleration,
+                desired.omega,
+                desired.acceleration,
+                plan.action,
+                target.speed,
+                target.lane,
+                values.least if values.is_known else math.inf,
+                observation.vehicle[values.nearest] if values.nearest >= 0 else NO_VEHICLE,
+                decision.constraints,
+                decision.intervening(desired, self._limits),
+                decision.slack,
+            )
+        )
+        cars = observation if everybody is None else everybody
+        if decision.belief is not None:
+            sample = self._taken + len(self._samples) - 1
+            self._beliefs.fill((sample, observation.vehicle), decision.belief)
+        self._cars.record(cars if self._within == math.inf else cars.within(self._within))
+        if self._cars.is_stretch_full:
+            self._cars.end_stretch(*self._tracks(), self._beliefs)
 
-        cars, traffic = observation.vehicle, self._traffic
-        if len(cars) and cars.max() >= len(traffic.names):
-            room = max(int(cars.max()) + 1, ROOM_GROWTH * len(traffic.names))
-            self._traffic = traffic = traffic.for_cars(("",) * room)
-        traffic.length[cars], traffic.width[cars] = observation.length, observation.width
-        traffic.present[sample, cars] = True
-        traffic.x[sample, cars] = observation.x
-        traffic.y[sample, cars] = observation.y
-        traffic.heading[sample, cars] = observation.heading
-        traffic.speed[sample, cars] = observation.speed
-        traffic.acceleration[sample, cars] = observation.acceleration
-        traffic.lane[sample, cars] = observation.lane
+    def _tracks(self) -> tuple[np.ndarray, RobotTrack]:
+        """Return the times (T,), s, and the robot, of all samples up to now."""
+        if self._samples:
+            time, *columns = np.array(self._samples, dtype=float).T
+            now = slice(self._taken, self._taken + len(time))
+            self._time[now] = time
+            for field, column in zip(fields(RobotTrack), columns, strict=True):
+                getattr(self._robot, field.name)[now] = column
+            self._samples, self._taken = [], now.stop
+        return self._time[: self._taken], self._robot.first(self._taken)
 
-        robot = self._robot
-        robot.x[sample], robot.y[sample], robot.heading[sample], robot.speed[sample] = observation.robot
-        robot.steering[sample] = steering
-        robot.omega[sample] = decision.control.omega
-        robot.acceleration[sample] = decision.control.acceleration
-        robot.omega_desired[sample] = desired.omega
-        robot.acceleration_desired[sample] = desired.acceleration
-        robot.action[sample] = plan.action
-        robot.plan_speed[sample] = plan.target.speed
-        robot.plan_lane[sample] = plan.target.lane
-        robot.value[sample] = values.least if values.is_known else math.inf
-        robot.value_vehicle[sample] = observation.vehicle[values.nearest] if values.nearest >= 0 else NO_VEHICLE
-        robot.constraints[sample] = decision.constraints
-        robot.intervening[sample] = decision.intervening(desired, self._limits)
-        robot.slack[sample] = decision.slack
-
-    def finish(
-        self, road: Road, robot: RobotSettings, names: Sequence[str], ended: str, rogues: Mapping[str, str]
-    ) -> RunRecord:
+    def finish(self, ended: str) -> RunRecord:
         """Return what was taken, with the threat metrics of every sample.
 
         Args:
-            road: the road.
-            robot: its body.
-            names: of all cars that were seen, by number.
             ended: why the drive was over.
-            rogues: what those among the cars do who mean harm, by name.
+
+        Raises:
+            HjCosimError: if what does not fit into memory cannot be written.
         """
-        time, track = self._time[: self._taken], self._robot.first(self._taken)
-        traffic = self._traffic.first(self._taken)
-        if len(names) != len(traffic.names):
-            traffic = traffic.for_cars(tuple(names))
-        traffic = replace(traffic, names=tuple(names))
+        time, track = self._tracks()
+        scene = self._scene
+        traffic = self._cars.finish(time, track, self._beliefs)
         return RunRecord(
             time=time,
-            road=road,
-            robot_length=robot.length,
-            robot_width=robot.width,
+            road=scene.road,
+            robot_length=scene.robot_length,
+            robot_width=scene.robot_width,
             traffic=traffic,
             robot=track,
-            threats=threat_track(track, traffic, robot.length, robot.width),
+            threats=threat_track(track, traffic, scene.robot_length, scene.robot_width),
             ended=ended,
-            rogues=rogues,
+            rogues=scene.rogues,
+            belief=self._beliefs.taken(len(time), len(traffic.names)),
         )

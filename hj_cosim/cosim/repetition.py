@@ -7,7 +7,8 @@ from typing import Any
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.reachability.table.store import find_specification
-from hj_cosim.recording.run_folder import CONFIG, DRIVERS, ROBOT, SUMMARY, TRAJECTORIES
+from hj_cosim.recording.run_folder import CONFIG, DRIVERS, ROBOT, SUMMARY
+from hj_cosim.recording.trajectories import TRAJECTORIES
 from hj_cosim.recording.versions import changed_versions, read_versions
 from hj_cosim.settings import read_toml, shown
 

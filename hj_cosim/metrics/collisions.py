@@ -83,39 +83,40 @@ def find_collisions(record: RunRecord, rss: RssParameters) -> list[Collision]:
 
 def _overlapping_car(record: RunRecord, sample: int) -> int:
     """Return the first car whose body overlaps the robot's at a sample at which one does."""
-    robot, traffic = record.robot, record.traffic
+    robot = record.robot
     x, y, heading = (float(track[sample]) for track in (robot.x, robot.y, robot.heading))
     body = (record.robot_length, record.robot_width)
+    _, cars, there = record.traffic.at(sample)
     return next(
-        int(car)
-        for car in np.flatnonzero(traffic.present[sample])
+        int(cars[car])
+        for car in range(len(cars))
         if rectangles_overlap(
-            traffic.x[sample, car] - x,
-            traffic.y[sample, car] - y,
+            there.x[0, car] - x,
+            there.y[0, car] - y,
             heading,
             *body,
-            traffic.heading[sample, car],
-            traffic.length[car],
-            traffic.width[car],
+            there.heading[0, car],
+            there.length[car],
+            there.width[car],
         )
     )
 
 
 def _pair(record: RunRecord, car: int, last: int) -> _Pair:
     """Return the robot and a car up to a sample, from where the car has been present without a break."""
-    robot, traffic = record.robot, record.traffic
-    absent = np.flatnonzero(~traffic.present[: last + 1, car])
+    robot, traffic = record.robot, record.traffic.of(car)
+    absent = np.flatnonzero(~traffic.present[: last + 1, 0])
     window = slice(int(absent[-1]) + 1 if len(absent) else 0, last + 1)
-    robot_speed, car_speed = robot.speed[window], traffic.speed[window, car]
+    robot_speed, car_speed = robot.speed[window], traffic.speed[window, 0]
     return _Pair(
-        dx=traffic.x[window, car] - robot.x[window],
-        dy=traffic.y[window, car] - robot.y[window],
+        dx=traffic.x[window, 0] - robot.x[window],
+        dy=traffic.y[window, 0] - robot.y[window],
         robot_speed=robot_speed,
         car_speed=car_speed,
         robot_lateral=robot_speed * np.sin(robot.heading[window]),
-        car_lateral=car_speed * np.sin(traffic.heading[window, car]),
-        mean_length=0.5 * (record.robot_length + float(traffic.length[car])),
-        mean_width=0.5 * (record.robot_width + float(traffic.width[car])),
+        car_lateral=car_speed * np.sin(traffic.heading[window, 0]),
+        mean_length=0.5 * (record.robot_length + float(traffic.length[0])),
+        mean_width=0.5 * (record.robot_width + float(traffic.width[0])),
     )
 
 

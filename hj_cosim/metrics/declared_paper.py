@@ -9,6 +9,8 @@ from hj_cosim.metrics.declaration import (
     PercentileOfSamples,
 )
 
+SAFE_TTC = 3.0  # s, the paper's boundary between safe and unsafe
+
 PAPER_METRICS = (
     Metric(
         "ttc_ge_3",

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numba import njit
 
+from hj_cosim.metrics.declared_paper import SAFE_TTC
 from hj_cosim.metrics.jerk_and_turning import step_of
-from hj_cosim.metrics.threats import SAFE_TTC
 from hj_cosim.recording.record import RunRecord
 from hj_cosim.settings import FilterSettings
 from hj_cosim.vehicles.rss import lateral_distance, longitudinal_distance
@@ -27,12 +27,19 @@ def driving_metrics(record: RunRecord, settings: FilterSettings) -> dict[str, fl
     robot, traffic = record.robot, record.traffic
     states = np.column_stack([robot.x, robot.y, robot.heading, robot.speed])
     body = np.array([record.robot_length, record.robot_width])
-    where = (traffic.present, traffic.x, traffic.y)
-    sizes = (traffic.length, traffic.width)
     parameters = np.array(list(settings.rss.model_dump().values()))
-    gap, drac = _following(states, body, *where, traffic.speed, *sizes)
-    violated = _rss_violations(states, body, *where, traffic.heading, traffic.speed, *sizes, parameters)
-    imposed = _hard_brakes_behind(states, body, *where, traffic.acceleration, *sizes)
+    gap, drac = np.empty(len(states)), np.empty(len(states))
+    violated = np.empty(len(states), np.bool_)
+    imposed, braking = 0, np.zeros(len(traffic.names), np.bool_)
+    for samples, cars, track in traffic.pieces():
+        own, sizes = states[samples], (track.length, track.width)
+        where = (track.present, track.x, track.y)
+        gap[samples], drac[samples] = _following(own, body, *where, track.speed, *sizes)
+        violated[samples] = _rss_violations(own, body, *where, track.heading, track.speed, *sizes, parameters)
+        braking_here = braking[cars]
+        imposed += _hard_brakes_behind(own, body, *where, track.acceleration, *sizes, braking_here)
+        braking[:] = False  # who is not there does not brake
+        braking[cars] = braking_here
     headway = np.where(robot.speed > SLOWEST_HEADWAY, gap / np.maximum(robot.speed, SLOWEST_HEADWAY), math.inf)
     return {
         "ttc_2d_ge_3": float(np.mean(record.threats.ttc_2d >= SAFE_TTC)),
@@ -41,7 +48,7 @@ def driving_metrics(record: RunRecord, settings: FilterSettings) -> dict[str, fl
         "drac_p90": float(np.percentile(drac, 90, method="higher")),
         "drac_max": float(drac.max()),
         "min_gap_ahead": float(gap.min()),
-        "hard_brakes_imposed": int(imposed),
+        "hard_brakes_imposed": imposed,
         "time_value_le_0": round(step_of(record) * int(np.count_nonzero(robot.value <= 0.0)), 9),
         "value_fall": max(settings.epsilon - float(robot.value.min()), 0.0),
         "rss_violation_percent": 100.0 * float(violated.mean()),
@@ -141,6 +148,7 @@ def _rss_violations(
     return violated
 
 
+# Nine parameters: as above.
 @njit(cache=True)
 def _hard_brakes_behind(
     robot: np.ndarray,
@@ -151,10 +159,13 @@ def _hard_brakes_behind(
     acceleration: np.ndarray,
     length: np.ndarray,
     width: np.ndarray,
+    braking_before: np.ndarray,
 ) -> int:
-    """Return how many times a car whose leader is the robot began to brake harder than HARD_BRAKE."""
+    """Return how many times a car whose leader is the robot began to brake harder than HARD_BRAKE.
+
+    Which of them did so at the sample before, `braking_before` (J,), is changed to which did at the last one.
+    """
     samples, cars = x.shape
-    braking_before = np.zeros(cars, np.bool_)
     count = 0
     for t in range(samples):
         for j in range(cars):

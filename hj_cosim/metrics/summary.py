@@ -8,9 +8,9 @@ import numpy as np
 from hj_cosim.metrics.catalogue import METRICS, SUMMARY_KEYS, require_declared
 from hj_cosim.metrics.collisions import collision_metrics
 from hj_cosim.metrics.declaration import PercentileOfSamples
+from hj_cosim.metrics.declared_paper import SAFE_TTC
 from hj_cosim.metrics.driving import driving_metrics
 from hj_cosim.metrics.jerk_and_turning import jerk_and_turning
-from hj_cosim.metrics.threats import SAFE_TTC
 from hj_cosim.plugins import plugin_name
 from hj_cosim.recording.record import RunRecord
 from hj_cosim.scene.road import Road

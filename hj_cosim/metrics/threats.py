@@ -9,7 +9,6 @@ from numba import njit
 from hj_cosim.metrics.rectangles import rectangle_distance, rectangles_overlap, time_to_overlap
 from hj_cosim.recording.record import RobotTrack, ThreatTrack, TrafficTrack
 
-SAFE_TTC = 3.0  # s, the paper's boundary between safe and unsafe
 BRAKE_LIMIT = 5.0  # m/s², what BTN is relative to
 STEER_LIMIT = 2.5  # m/s², what STN is relative to
 
@@ -118,6 +117,16 @@ def _worst_threats(
     return worst
 
 
+@njit(cache=True)
+def _nearest_along(present: np.ndarray, x: np.ndarray, robot_x: float) -> int:
+    """Return which of the cars present is nearest along the road; -1 if there is none."""
+    found, least = -1, math.inf
+    for j in range(len(x)):
+        if present[j] and abs(x[j] - robot_x) < least:
+            found, least = j, abs(x[j] - robot_x)
+    return found
+
+
 # Nine parameters: the plain arrays of _worst_threats, so that a pass reads only those that it needs.
 @njit(cache=True)
 def _nearest_bodies(
@@ -137,8 +146,11 @@ def _nearest_bodies(
     overlap = np.zeros(samples, np.bool_)
     robot_radius = 0.5 * math.hypot(robot_length, robot_width)
     for t in range(samples):
-        for j in range(cars):
-            if not present[t, j]:
+        # Who is nearest along the road comes first: with the others one comparison is enough then.
+        first = _nearest_along(present[t], x[t], robot[t, 0])
+        for place in range(-1, cars):
+            j = first if place < 0 else place
+            if j < 0 or place == first or not present[t, j]:
                 continue
             dx, dy = x[t, j] - robot[t, 0], y[t, j] - robot[t, 1]
             reach = nearest[t] + robot_radius + 0.5 * math.hypot(length[j], width[j])
@@ -177,13 +189,20 @@ def _smallest_times_to_overlap(
             if not present[t, j]:
                 continue
             other = heading[t, j]
+            dx, dy = x[t, j] - robot[t, 0], y[t, j] - robot[t, 1]
+            vx, vy = speed[t, j] * math.cos(other) - robot_vx, speed[t, j] * math.sin(other) - robot_vy
+            # Who is farther along the road than the bodies reach is never met if it comes no nearer, and later than
+            # another one if it comes near too slowly.
+            apart = abs(dx) - (robot_length + robot_width + length[j] + width[j])
+            if apart > 0.0 and (dx * vx >= 0.0 or apart > abs(vx) * smallest[t]):
+                continue
             smallest[t] = min(
                 smallest[t],
                 time_to_overlap(
-                    x[t, j] - robot[t, 0],
-                    y[t, j] - robot[t, 1],
-                    speed[t, j] * math.cos(other) - robot_vx,
-                    speed[t, j] * math.sin(other) - robot_vy,
+                    dx,
+                    dy,
+                    vx,
+                    vy,
                     angle,
                     robot_length,
                     robot_width,
@@ -243,14 +262,9 @@ def threat_track(
         brake_limit, steer_limit: m/s², what BTN and STN are relative to.
     """
     states = np.column_stack([robot.x, robot.y, robot.heading, robot.speed])
-    cars = (traffic.present, traffic.x, traffic.y, traffic.heading)
-    worst = _worst_threats(
-        states, robot_length, robot_width, *cars, traffic.speed, traffic.acceleration, traffic.length, traffic.width
-    )
-    nearest, overlap = _nearest_bodies(states, robot_length, robot_width, *cars, traffic.length, traffic.width)
-    overlap_in = _smallest_times_to_overlap(
-        states, robot_length, robot_width, *cars, traffic.speed, traffic.length, traffic.width
-    )
+    body = (robot_length, robot_width)
+    found = [_threats(states[piece.samples], *body, piece.traffic) for piece in traffic.pieces()]
+    worst, nearest, overlap, overlap_in = (np.concatenate(column) for column in zip(*found, strict=True))
     return ThreatTrack(
         ttc=worst[:, 0],
         btn=np.abs(worst[:, 1]) / brake_limit,
@@ -259,3 +273,15 @@ def threat_track(
         collision=overlap,
         ttc_2d=overlap_in,
     )
+
+
+def _threats(
+    states: np.ndarray, robot_length: float, robot_width: float, traffic: TrafficTrack
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the worst threats (T, 3), the least gap (T,), m, whether bodies overlap, and in how many s they will."""
+    cars = (traffic.present, traffic.x, traffic.y, traffic.heading)
+    sizes = (traffic.length, traffic.width)
+    worst = _worst_threats(states, robot_length, robot_width, *cars, traffic.speed, traffic.acceleration, *sizes)
+    nearest, overlap = _nearest_bodies(states, robot_length, robot_width, *cars, *sizes)
+    overlap_in = _smallest_times_to_overlap(states, robot_length, robot_width, *cars, traffic.speed, *sizes)
+    return worst, nearest, overlap, overlap_in

@@ -3,7 +3,7 @@
 A NamedTuple is how kernels read constants, but to hand one over from Python costs some 0.1 µs a number, at every call:
 9 µs for a table, which is as much as its look-ups for a hundred cars. So what is called at every step is handed one
 array of numbers, and makes the NamedTuple of it itself, which is free there. Each type has the function that does
-beside it: `target.formula_from`, `other_car.disturbance_from`, `paths.game_from`, `lookup.table_from`.
+beside it: `target.formula_from`, `other_car.disturbance_from`, `paths.game_from`, `table_arrays.grid_from`.
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
-"""Arrow columns straight from NumPy's memory.
+"""Arrow columns straight from NumPy's memory, and back.
 
-`pyarrow.array` would do, but it imports pandas on its first call, which costs more than a whole episode.
+`pyarrow.array` and `to_numpy` would do, but they import pandas on their first call, which costs as much as an episode.
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,15 @@ def numeric_column(values: np.ndarray) -> pa.Array:
     return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, memory])
 
 
+def numbers_of(column: pa.Array | pa.ChunkedArray) -> np.ndarray:
+    """Return a column of numbers or booleans without nulls as a one-dimensional array, which may not be written to."""
+    whole = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
+    if not pa.types.is_boolean(whole.type):
+        return np.from_dlpack(whole)
+    bits = np.frombuffer(whole.buffers()[1], np.uint8)
+    return np.unpackbits(bits, count=whole.offset + len(whole), bitorder="little")[whole.offset :].astype(bool)
+
+
 def text_column(texts: Sequence[str]) -> pa.Array:
     """Return texts as an Arrow array of strings."""
     encoded = [text.encode() for text in texts]
@@ -31,6 +40,15 @@ def name_column(numbers: np.ndarray, names: Sequence[str]) -> pa.DictionaryArray
     memory = pa.py_buffer(np.where(known, numbers, 0).astype(np.int32))
     indices = pa.Array.from_buffers(pa.int32(), len(numbers), [validity, memory])
     return pa.DictionaryArray.from_arrays(indices, text_column(names))
+
+
+def name_numbers(column: pa.DictionaryArray, unnamed: int) -> np.ndarray:
+    """Return the numbers of the names in a column of `name_column`; `unnamed` where there is none."""
+    indices = column.indices
+    if not indices.null_count:
+        return numbers_of(indices)
+    every = pa.Array.from_buffers(indices.type, len(indices), [None, indices.buffers()[1]], offset=indices.offset)
+    return np.where(numbers_of(indices.is_valid()), numbers_of(every), unnamed)
 
 
 def _bitmap(flags: np.ndarray) -> pa.Buffer:

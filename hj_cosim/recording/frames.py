@@ -8,17 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
+from hj_cosim.recording.car_rows import rows_of_track
 from hj_cosim.recording.columns import name_column, numeric_column, text_column
-from hj_cosim.recording.record import ROBOT_NAME, RobotTrack, RunRecord, ThreatTrack
-from hj_cosim.recording.roles import role_column
-from hj_cosim.scene.road_text import road_to_json
-from hj_cosim.vehicles.idm import PARAMETER_NAMES
+from hj_cosim.recording.record import RobotTrack, RunRecord, ThreatTrack
+from hj_cosim.recording.trajectories import Scene, rows_table
+from hj_cosim.vehicles.drivers import PARAMETER_NAMES
 
 if TYPE_CHECKING:
     import pandas as pd  # imported by pyarrow where a DataFrame is asked for
-
-TRAFFIC_FLOATS = ("x", "y", "heading", "speed", "acceleration")
-ROAD_KEY = b"hj_cosim.road"
 
 
 class RunFrames:
@@ -40,34 +37,20 @@ class RunFrames:
         """Every car at every sample, the robot among them as `robot`, the columns of trajectories.parquet.
 
         They are time (s), vehicle, x, y (centre of the body, m, road frame), heading (rad), speed (m/s), acceleration
-        (m/s²), lane (0: right), length, width (m); and role, where somebody means harm.
+        (m/s²), lane (0: right), length, width (m); role, where somebody means harm; and belief, the probability that a
+        car's driver does, where the filter judged that (NaN for the robot).
         """
         return trajectory_table(self.record, 0, len(self.record.time)).to_pandas()
 
 
 def trajectory_table(record: RunRecord, start: int, stop: int) -> pa.Table:
     """Return the rows of samples start to stop."""
-    traffic, robot, road = record.traffic, record.robot, record.road
     window = slice(start, stop)
-    time = record.time[window]
-    present = np.column_stack([np.ones(len(time), bool), traffic.present[window]])
-    sample, column = np.nonzero(present)  # in the order of time, then of the columns
-
-    def both(of_robot: np.ndarray, of_cars: np.ndarray) -> np.ndarray:
-        return np.asarray(np.column_stack([of_robot[window], of_cars[window]])[present])
-
-    robot_lane = road.nearest_lanes(robot.y, robot.x).astype(np.int8)
-    columns = {
-        "time": numeric_column(time[sample]),
-        "vehicle": name_column(column, (ROBOT_NAME, *traffic.names)),
-        **{name: numeric_column(both(getattr(robot, name), getattr(traffic, name))) for name in TRAFFIC_FLOATS},
-        "lane": numeric_column(both(robot_lane, traffic.lane).astype(np.int8)),
-        "length": numeric_column(np.append(record.robot_length, traffic.length)[column]),
-        "width": numeric_column(np.append(record.robot_width, traffic.width)[column]),
-    }
-    if record.rogues:
-        columns["role"] = role_column(column, (ROBOT_NAME, *traffic.names), record.rogues)
-    return pa.table(columns).replace_schema_metadata({ROAD_KEY: road_to_json(road).encode()})
+    scene = Scene(record.road, record.robot_length, record.robot_width, record.rogues)
+    robot = record.robot.between(start, stop)
+    rows = rows_of_track(record.traffic, window)
+    belief = None if record.belief is None else record.belief[start + rows.sample, rows.vehicle]
+    return rows_table(scene, record.time[window], robot, rows, record.traffic.names, belief)
 
 
 def robot_table(record: RunRecord) -> pa.Table:

@@ -4,9 +4,9 @@ Everything is SI and in the road frame; positions are body centres. T samples, J
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,17 +52,31 @@ class TrafficTrack:
         tracks = {field.name: getattr(self, field.name)[:samples] for field in fields(self)[3:]}
         return TrafficTrack(self.names, self.length, self.width, **tracks)
 
-    def for_cars(self, names: tuple[str, ...]) -> "TrafficTrack":
-        """Return a track with room for the cars of `names`: with more columns, or without the last ones.
+    def pieces(self) -> Iterator["Piece"]:
+        """Yield all samples, in order, in pieces that fit into memory: this track is one."""
+        yield Piece(slice(0, len(self.present)), np.arange(len(self.names)), self)
 
-        Raises:
-            HjCosimError: if it fits neither into memory nor onto the disk (see large_arrays).
-        """
-        count, samples = min(len(names), len(self.names)), len(self.x)
-        other = TrafficTrack.empty(names, np.zeros(len(names)), np.zeros(len(names)), samples)
-        for field in fields(self)[1:]:
-            getattr(other, field.name)[..., :count] = getattr(self, field.name)[..., :count]
-        return other
+    def at(self, sample: int) -> "Piece":
+        """Return who is present at a sample."""
+        here = np.flatnonzero(self.present[sample])
+        return Piece(slice(sample, sample + 1), here, self._part(slice(sample, sample + 1), here))
+
+    def of(self, car: int) -> "TrafficTrack":
+        """Return the track of one car alone, (T, 1)."""
+        return self._part(slice(None), np.array([car]))
+
+    def _part(self, samples: slice, cars: np.ndarray) -> "TrafficTrack":
+        tracks = {field.name: getattr(self, field.name)[samples, cars] for field in fields(self)[3:]}
+        names = tuple(self.names[car] for car in cars.tolist())
+        return TrafficTrack(names, self.length[cars], self.width[cars], **tracks)
+
+
+class Piece(NamedTuple):
+    """Some consecutive samples of a run's traffic."""
+
+    samples: slice
+    cars: np.ndarray  # (K,) int, the numbers of those that `traffic` has columns for, ascending
+    traffic: TrafficTrack
 
 
 @dataclass(frozen=True)
@@ -101,7 +115,11 @@ class RobotTrack:
 
     def first(self, samples: int) -> "RobotTrack":
         """Return the first `samples` samples, for an episode that ended early."""
-        return RobotTrack(**{field.name: getattr(self, field.name)[:samples] for field in fields(self)})
+        return self.between(0, samples)
+
+    def between(self, start: int, stop: int) -> "RobotTrack":
+        """Return samples start to stop."""
+        return RobotTrack(**{field.name: getattr(self, field.name)[start:stop] for field in fields(self)})
 
 
 @dataclass(frozen=True)
@@ -130,6 +148,8 @@ class RunRecord:
     ended: str = DURATION  # why the drive was over
     # What those cars do whose drivers mean harm, by name.
     rogues: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    # (T, J) how likely the filter held it that each driver means harm, NaN where it did not judge; if it ever did.
+    belief: np.ndarray | None = None
 
     @property
     def is_rogue(self) -> np.ndarray:
@@ -138,20 +158,20 @@ class RunRecord:
 
     def observation(self, sample: int) -> Observation:
         """Return what the robot saw at a sample; where a lane change leads was not recorded, so it is the lane."""
-        robot, traffic = self.robot, self.traffic
-        here = np.flatnonzero(traffic.present[sample])
+        robot = self.robot
+        _, here, traffic = self.traffic.at(sample)
         return Observation(
             time=float(self.time[sample]),
             robot=np.array([robot.x[sample], robot.y[sample], robot.heading[sample], robot.speed[sample]]),
             robot_acceleration=float(robot.acceleration[max(sample - 1, 0)]),
             vehicle=here,
-            x=traffic.x[sample, here],
-            y=traffic.y[sample, here],
-            heading=traffic.heading[sample, here],
-            speed=traffic.speed[sample, here],
-            acceleration=traffic.acceleration[sample, here],
-            lane=traffic.lane[sample, here],
-            target_lane=traffic.lane[sample, here],
-            length=traffic.length[here],
-            width=traffic.width[here],
+            x=traffic.x[0],
+            y=traffic.y[0],
+            heading=traffic.heading[0],
+            speed=traffic.speed[0],
+            acceleration=traffic.acceleration[0],
+            lane=traffic.lane[0],
+            target_lane=traffic.lane[0],
+            length=traffic.length,
+            width=traffic.width,
         )

@@ -6,45 +6,54 @@ Every function raises ValueError, in words that name the bound; KeyError for wha
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from hj_cosim.recording.columns import numbers_of
 from hj_cosim.scene.observation import FARTHEST
 from hj_cosim.scene.road import Road, StraightRoad
 from hj_cosim.scene.road_text import MOST_LANES, WIDEST_LANE
 
 MOST_SAMPLES = 1_000_000  # five and a half hours at 50 Hz
 MOST_CELLS = 100_000_000  # samples times cars: 4 GB as arrays
-MOST_ROWS = MOST_CELLS + MOST_SAMPLES
+MOST_ROWS = 1_000_000_000  # a row is a car at a sample; they are read a row group at a time
 TEXTS = ("vehicle", "value_vehicle", "role")  # the columns that hold names
 MOST_ROWS_AT_ONCE = 1 << 20  # in a row group; eight times what is written
 MOST_BYTES_AT_ONCE = 1 << 28  # of a row group, unpacked
 
 
-def open_columns(path: Path) -> pq.ParquetFile:
-    """Return an open Parquet file whose row groups can be read, one after the other, without harm."""
-    file = pq.ParquetFile(path)
+def open_columns(source: Path | IO[bytes], name: str, most: int | None = None) -> pq.ParquetFile:
+    """Return an open Parquet file whose row groups can be read, one after the other, without harm.
+
+    Args:
+        source: a path, or a file that is open.
+        name: what it is called in messages.
+        most: rows that it may have; MOST_ROWS unless given.
+    """
+    file = pq.ParquetFile(source)
     metadata = file.metadata
+    most = MOST_ROWS if most is None else most
     if metadata.num_row_groups == 0 or metadata.num_rows == 0:
-        raise ValueError(f"{path.name} has no rows")
-    if metadata.num_rows > MOST_ROWS:
-        raise ValueError(f"{path.name} has {metadata.num_rows} rows; {MOST_ROWS} is the most")
+        raise ValueError(f"{name} has no rows")
+    if metadata.num_rows > most:
+        raise ValueError(f"{name} has {metadata.num_rows} rows; {most} is the most")
     for number in range(metadata.num_row_groups):
         group = metadata.row_group(number)
         if group.num_rows > MOST_ROWS_AT_ONCE or group.total_byte_size > MOST_BYTES_AT_ONCE:
             raise ValueError(
-                f"{path.name} has a row group of {group.num_rows} rows and {group.total_byte_size} bytes;"
+                f"{name} has a row group of {group.num_rows} rows and {group.total_byte_size} bytes;"
                 f" {MOST_ROWS_AT_ONCE} and {MOST_BYTES_AT_ONCE} are the most"
             )
     for field in file.schema_arrow:
         kind = field.type
         is_name = pa.types.is_dictionary(kind) and pa.types.is_string(kind.value_type)
         if field.name in TEXTS and not is_name:
-            raise ValueError(f"{path.name}: column {field.name} is {kind}, and must be a dictionary of strings")
+            raise ValueError(f"{name}: column {field.name} is {kind}, and must be a dictionary of strings")
         if field.name not in TEXTS and not _is_number(kind):
-            raise ValueError(f"{path.name}: column {field.name} is {kind}, and must be of numbers")
+            raise ValueError(f"{name}: column {field.name} is {kind}, and must be of numbers")
     return file
 
 
@@ -61,7 +70,7 @@ def plain_numbers(column: pa.Array | pa.ChunkedArray, name: str) -> np.ndarray:
     """Return numbers without nulls."""
     if column.null_count:
         raise ValueError(f"column {name} has {column.null_count} rows without a number")
-    return np.asarray(column.to_numpy(zero_copy_only=False) if isinstance(column, pa.Array) else column.to_numpy())
+    return numbers_of(column)
 
 
 def require_times(time: np.ndarray) -> None:

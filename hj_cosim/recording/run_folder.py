@@ -18,26 +18,30 @@ import pyarrow.parquet as pq
 from hj_cosim.errors import ConfigurationError, HjCosimError, RunFolderError
 from hj_cosim.files import naming_the_place, remove_abandoned, require_writable, temporary_folder
 from hj_cosim.locations import given_path
-from hj_cosim.recording.frames import ROAD_KEY, TRAFFIC_FLOATS, RunFrames, driver_table, robot_table, trajectory_table
+from hj_cosim.recording import trajectories
+from hj_cosim.recording.beliefs import BeliefTrack
+from hj_cosim.recording.car_rows import fill
+from hj_cosim.recording.columns import name_numbers
+from hj_cosim.recording.frames import RunFrames, driver_table, robot_table, trajectory_table
 from hj_cosim.recording.record import DURATION, NO_VEHICLE, RobotTrack, RunRecord, ThreatTrack, TrafficTrack
-from hj_cosim.recording.roles import rogues_of
 from hj_cosim.recording.run_bounds import (
+    MOST_SAMPLES,
     open_columns,
     plain_column,
-    plain_numbers,
     require_finite,
     require_road,
     require_room,
     require_times,
 )
+from hj_cosim.recording.spilled import SpilledTraffic, fits_into_memory, read_group, vehicle_names
 from hj_cosim.recording.summary_file import TIMING, read_summary, summary_html, summary_sentence, summary_text
+from hj_cosim.recording.trajectories import ROAD_KEY, TRAJECTORIES, parquet_options
 from hj_cosim.recording.versions import VERSIONS, versions_text
 from hj_cosim.scene.road import Road
 from hj_cosim.scene.road_text import road_from_json
 from hj_cosim.settings import EpisodeConfig, read_toml, validate
 
 CONFIG = "config.toml"
-TRAJECTORIES = "trajectories.parquet"
 ROBOT = "robot.parquet"
 SUMMARY = "summary.json"
 DRIVERS = "drivers.parquet"
@@ -47,7 +51,6 @@ OWN_FILES = (CONFIG, TRAJECTORIES, ROBOT, SUMMARY, TIMING, VERSIONS, DRIVERS, NO
 
 Keep = Literal["all", "robot"]  # everything that a run folder holds, or all but the cars' trajectories
 
-ROWS_PER_GROUP = 1 << 17  # written and read at a time, so that a long drive of many cars needs little memory
 _ROBOT_STATE = ("x", "y", "heading", "speed", "steering", "omega", "acceleration", "plan_speed", "plan_lane")
 
 
@@ -160,27 +163,22 @@ def write_run(
 
 
 def write_trajectories(path: Path, record: RunRecord) -> None:
-    """Write trajectories.parquet: a row per sample and car that is present; at one time the robot comes first."""
+    """Write trajectories.parquet: a row per sample and car that is present; at one time the robot comes first.
+
+    That of a drive which was too large for the memory has been written while it was driven, and is put into its place.
+    """
+    if isinstance(record.traffic, SpilledTraffic):
+        record.traffic.move_to(path)
+        return
     schema = trajectory_table(record, 0, 0).schema
-    samples_per_group = max(ROWS_PER_GROUP // (len(record.traffic.names) + 1), 1)
-    with pq.ParquetWriter(path, schema, **_writing(schema)) as writer:
+    samples_per_group = max(trajectories.ROWS_PER_GROUP // (len(record.traffic.names) + 1), 1)
+    with pq.ParquetWriter(path, schema, **parquet_options(schema)) as writer:
         for start in range(0, len(record.time), samples_per_group):
             writer.write_table(trajectory_table(record, start, start + samples_per_group))
 
 
 def _write_table(path: Path, table: pa.Table) -> None:
-    pq.write_table(table, path, **_writing(table.schema))
-
-
-def _writing(schema: pa.Schema) -> dict[str, Any]:
-    """Return how Parquet is written: measured to be both the fastest and nearly the smallest."""
-    return {
-        "compression": "zstd",
-        "compression_level": 1,
-        "use_dictionary": [field.name for field in schema if pa.types.is_dictionary(field.type)],
-        "use_byte_stream_split": [field.name for field in schema if pa.types.is_floating(field.type)],
-        "write_statistics": ["time"],
-    }
+    pq.write_table(table, path, **parquet_options(table.schema))
 
 
 def read_run(folder: PathLike[str] | str) -> Run:
@@ -197,8 +195,7 @@ def read_run(folder: PathLike[str] | str) -> Run:
         raise RunFolderError(f"{folder} holds no complete run: {', '.join(missing)} is missing")
     try:
         summary = read_summary(folder / SUMMARY)
-        with open_columns(folder / TRAJECTORIES) as trajectories, open_columns(folder / ROBOT) as robot:
-            record = replace(_read_record(trajectories, robot), ended=str(summary.get("ended", DURATION)))
+        record = replace(_read_record(folder), ended=str(summary.get("ended", DURATION)))
     except (OSError, ValueError, KeyError, IndexError) as error:  # pyarrow's and json's errors are among these
         raise RunFolderError(f"{folder} holds no readable run: {error}") from error
     return Run(folder, config, summary, record)
@@ -236,61 +233,53 @@ def road_of(schema: pa.Schema) -> Road:
     return road
 
 
-def _read_record(trajectories: pq.ParquetFile, robot_file: pq.ParquetFile) -> RunRecord:
-    road = road_of(trajectories.schema_arrow)
-    robot = robot_file.read()
+def _read_record(folder: Path) -> RunRecord:
+    with open_columns(folder / ROBOT, ROBOT, MOST_SAMPLES) as file:
+        robot = file.read()
     time = plain_column(robot, "time")
     require_times(time)
-    first = _vehicle_names(trajectories)
-    require_room(len(time), len(first))
-    names = tuple(first[1:])
-    body, rogues = np.zeros((len(first), 2)), dict[str, str]()
-    traffic = TrafficTrack.empty(names, body[1:, 0], body[1:, 1], len(time))
-    for group in range(trajectories.num_row_groups):
-        rows = trajectories.read_row_group(group)
-        vehicle = rows["vehicle"].combine_chunks()
-        if group > 0 and vehicle.dictionary.to_pylist() != first:
-            raise ValueError(f"{TRAJECTORIES} numbers its vehicles differently from place to place")
-        car = plain_numbers(vehicle.indices, "vehicle")
-        sample = np.searchsorted(time, plain_column(rows, "time"))
-        columns = {name: plain_column(rows, name) for name in ("length", "width", *TRAFFIC_FLOATS, "lane")}
-        require_finite(columns)
-        body[car, 0], body[car, 1] = columns["length"], columns["width"]
-        rogues |= rogues_of(rows, car, first)
-        others = car > 0
-        place = (sample[others], car[others] - 1)
-        traffic.present[place] = True
-        for name in (*TRAFFIC_FLOATS, "lane"):
-            getattr(traffic, name)[place] = columns[name][others]
+    with open_columns(folder / TRAJECTORIES, TRAJECTORIES) as file:
+        road = road_of(file.schema_arrow)
+        body, traffic, rogues, belief = _read_traffic(folder / TRAJECTORIES, file, time)
     columns = {name: plain_column(robot, name) for name in robot.column_names if name != "value_vehicle"}
     for field in (*fields(RobotTrack), *fields(ThreatTrack)):
         if field.name not in robot.column_names:
             raise ValueError(f"{ROBOT} has no column {field.name}")
     require_finite({name: columns[name] for name in _ROBOT_STATE})
-    columns["value_vehicle"] = _vehicle_numbers(robot["value_vehicle"].combine_chunks())
-    if columns["value_vehicle"].max(initial=0) >= max(len(names), 1):
+    columns["value_vehicle"] = name_numbers(robot["value_vehicle"].combine_chunks(), NO_VEHICLE)
+    if columns["value_vehicle"].max(initial=0) >= max(len(traffic.names), 1):
         raise ValueError(f"{ROBOT} names a vehicle that {TRAJECTORIES} does not have")
     return RunRecord(
         time=time,
         road=road,
-        robot_length=float(body[0, 0]),
-        robot_width=float(body[0, 1]),
+        robot_length=body[0],
+        robot_width=body[1],
         traffic=traffic,
         robot=RobotTrack(**{field.name: columns[field.name] for field in fields(RobotTrack)}),
         threats=ThreatTrack(**{field.name: columns[field.name] for field in fields(ThreatTrack)}),
         rogues=rogues,
+        belief=belief.taken(len(time), len(traffic.names)),
     )
 
 
-def _vehicle_names(trajectories: pq.ParquetFile) -> list[str]:
-    """Return the names of all vehicles, the robot's first."""
-    chunks = trajectories.read_row_group(0, columns=["vehicle"])["vehicle"].chunks
-    names = chunks[0].dictionary.to_pylist() if chunks else []
-    if not names or not all(isinstance(name, str) for name in names):
-        raise ValueError(f"{TRAJECTORIES} names no vehicle")
-    return names
-
-
-def _vehicle_numbers(vehicle: pa.DictionaryArray) -> np.ndarray:
-    """Return (T,) vehicle numbers of robot.parquet's names; NO_VEHICLE where there is none."""
-    return np.asarray(vehicle.indices.fill_null(NO_VEHICLE))
+def _read_traffic(
+    path: Path, file: pq.ParquetFile, time: np.ndarray
+) -> tuple[tuple[float, float], TrafficTrack, dict[str, str], BeliefTrack]:
+    """Return the robot's length and width, m, the cars, in memory unless they are too many, who means harm, or may."""
+    names = vehicle_names(file)
+    is_held = fits_into_memory(len(time), len(names))
+    if is_held:
+        require_room(len(time), len(names))
+    sizes, body, rogues = np.zeros((len(names) - 1, 2)), (0.0, 0.0), dict[str, str]()
+    traffic = TrafficTrack.empty(names[1:], sizes[:, 0], sizes[:, 1], len(time) if is_held else 0)
+    beliefs = BeliefTrack(len(time))
+    for number in range(file.num_row_groups):
+        group = read_group(file, number, time, names)
+        body = group.robot_body
+        rogues |= group.rogues
+        sizes[group.rows.vehicle] = np.column_stack([group.rows.length, group.rows.width])
+        if group.belief is not None:
+            beliefs.fill((group.first + group.rows.sample, group.rows.vehicle), group.belief)
+        if is_held:
+            fill(traffic, group.rows, group.first)
+    return body, traffic if is_held else SpilledTraffic(path, time, names[1:], sizes), rogues, beliefs

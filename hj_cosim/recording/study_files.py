@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import tomli_w
 from pydantic import Field
@@ -41,6 +41,7 @@ class StudyRequest(Settings):
     vary: tuple[str, ...] = Field(description="KEY=VALUE,VALUE of each varied knob")
     set: tuple[str, ...] = Field(description="KEY=VALUE for every episode")
     keep: Keep = Field(description="all that a run folder holds, or all but the cars' trajectories (robot)")
+    traffic: Literal["theirs", "idm-mobil"] = Field("theirs", description="who drives the others in a .sumocfg")
 
     @property
     def rows(self) -> int:

@@ -1,12 +1,11 @@
 """What the robot sees at one instant, as arrays in the road frame, and what it means to do."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 # m, rad and m/s: no road reaches farther, and nothing is faster. What is beyond is as broken as NaN.
 FARTHEST = 1e7
@@ -54,6 +53,20 @@ class Observation:
         """Where the cars are, how they move and how large they are; the same arrays, together."""
         return Cars(self.vehicle, self.x, self.y, self.heading, self.speed, self.length, self.width)
 
+    def within(self, distance: float) -> "Observation":
+        """Return it with those cars alone that are within a distance of the robot, m, from centre to centre."""
+        near = np.hypot(self.x - self.robot[0], self.y - self.robot[1]) <= distance
+        return self if near.all() else self.only(near)
+
+    def only(self, cars: np.ndarray) -> "Observation":
+        """Return it with some cars alone, by a mask (J,)."""
+        per_car = {each.name: getattr(self, each.name)[cars] for each in fields(self) if each.name not in _NOT_OF_CARS}
+        expected = None if self.expected_driver is None else self.expected_driver[cars]
+        return replace(self, **per_car, expected_driver=expected)
+
+
+_NOT_OF_CARS = ("time", "robot", "robot_acceleration", "expected_driver")
+
 
 @dataclass(frozen=True, slots=True)
 class CarValues:
@@ -84,20 +97,3 @@ class Control:
 
     omega: float  # rad/s, ω_r, how fast it turns against the road: its yaw rate on a straight one
     acceleration: float  # m/s², a_r
-
-
-@njit(cache=True)
-def is_possible(robot: np.ndarray, x: np.ndarray, y: np.ndarray, heading: np.ndarray, speed: np.ndarray) -> bool:
-    """Return whether an observation's robot (4,) and other cars' states (J,) are all within ± FARTHEST, none NaN."""
-    for i in range(4):
-        if not abs(robot[i]) <= FARTHEST:
-            return False
-    for j in range(len(x)):
-        if not (
-            abs(x[j]) <= FARTHEST
-            and abs(y[j]) <= FARTHEST
-            and abs(heading[j]) <= FARTHEST
-            and abs(speed[j]) <= FARTHEST
-        ):
-            return False
-    return True

@@ -114,6 +114,14 @@ class Road(Protocol):
         """
         ...
 
+    def speed_limit(self, along: np.ndarray) -> np.ndarray:
+        """Return the speed limits (J,), m/s, at s (J,); inf where there is none, or none that drivers mind."""
+        ...
+
+    def speed_limits(self, start: float, stop: float) -> np.ndarray:
+        """Return the limits between two s (m), (L, 2): where each begins (the first: `start`), m, and itself, m/s."""
+        ...
+
     def to_world(
         self, along: Coordinate, lateral: Coordinate, heading: Coordinate
     ) -> tuple[Coordinate, Coordinate, Coordinate]:
@@ -216,6 +224,14 @@ class StraightRoad:
         lanes = np.zeros((len(along), 2), np.int64)
         lanes[:, 1] = self.lane_count - 1
         return lanes
+
+    def speed_limit(self, along: np.ndarray) -> np.ndarray:
+        """Return inf (J,): what is the same all along is a matter of the drivers' desired speeds."""
+        return np.full(len(along), math.inf)
+
+    def speed_limits(self, start: float, stop: float) -> np.ndarray:
+        """Return the one limit that there is, inf, (1, 2)."""
+        return np.array([[start, math.inf]])
 
     def heading_at(self, along: float) -> float:
         """Return the road's heading in the world, rad: the same everywhere."""

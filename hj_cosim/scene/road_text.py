@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from hj_cosim.scene.road import Road, StraightRoad
-from hj_cosim.scene.route_road import RouteRoad
 
 MOST_LANES = 100
 WIDEST_LANE = 100.0  # m
@@ -34,6 +33,8 @@ class _WrittenRoute(BaseModel):
     lanes_there: list[Annotated[int, Field(ge=1, le=MOST_LANES)]]
     leading_off: list[Annotated[int, Field(ge=0)]]
     lap: float = Field(ge=0.0, le=FARTHEST_PLACE)
+    limit_start: list[_Finite] = Field(default=[], max_length=MOST_KNOTS)
+    limit: list[Annotated[float, Field(gt=0.0, le=FARTHEST_PLACE)]] = []
 
     @model_validator(mode="after")
     def _is_consistent(self) -> "_WrittenRoute":
@@ -61,6 +62,9 @@ def road_to_json(road: Road) -> str:
     """
     if isinstance(road, StraightRoad):
         return json.dumps(asdict(road))
+    # Numba and SciPy, with which a route is looked up, take longer to import than a straight drive to read.
+    from hj_cosim.scene.route_road import RouteRoad
+
     if isinstance(road, RouteRoad):
         return json.dumps({each.name: _plain(getattr(road, each.name)) for each in fields(road)})
     raise TypeError(f"only straight roads and routes can be written, not a {type(road).__name__}")
@@ -78,6 +82,8 @@ def road_from_json(text: str | bytes) -> Road:
     """
     try:
         if b'"knots"' in (text.encode() if isinstance(text, str) else text):
+            from hj_cosim.scene.route_road import RouteRoad  # as above
+
             written = _WrittenRoute.model_validate_json(text)
             return RouteRoad(
                 lane_count=written.lane_count,
@@ -90,6 +96,8 @@ def road_from_json(text: str | bytes) -> Road:
                 lanes_there=np.array(written.lanes_there),
                 leading_off=np.array(written.leading_off),
                 lap=written.lap,
+                limit_start=np.array(written.limit_start),
+                limit=np.array(written.limit),
             )
         road = TypeAdapter(StraightRoad).validate_json(text)
     except ValidationError as error:

@@ -14,7 +14,6 @@ from functools import cached_property
 
 import numpy as np
 from numba import njit
-from scipy.interpolate import CubicSpline
 
 from hj_cosim.scene.road import Coordinate
 
@@ -138,6 +137,9 @@ class RouteRoad:
     lanes_there: np.ndarray = field(repr=False)  # (S,) int, how many there are
     leading_off: np.ndarray = field(repr=False)  # (S,) int, bit sets of the lanes that leave the road at its end
     lap: float = 0.0  # m, of one lap of a closed road; 0 of an open one
+    # (L,) m and (L,) m/s, where speed limits begin, ascending, the first at 0, and they themselves; none if empty
+    limit_start: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    limit: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
 
     @cached_property
     def _spacing(self) -> float:
@@ -146,6 +148,10 @@ class RouteRoad:
     @cached_property
     def _coefficients(self) -> np.ndarray:
         """The spline's (2, 4, knots − 1)."""
+        from scipy.interpolate import (
+            CubicSpline,
+        )  # which takes a quarter of a second that a straight road has not to pay
+
         along = self._spacing * np.arange(len(self.knots))
         ends = "periodic" if self.lap else "not-a-knot"
         return np.ascontiguousarray(np.moveaxis(CubicSpline(along, self.knots, bc_type=ends).c, 2, 0))
@@ -168,7 +174,27 @@ class RouteRoad:
     def _starts(self) -> list[float]:
         return [float(start) for start in self.section_start]
 
+    # What is asked for in every step is kept by section, as Python's own numbers.
+    @cached_property
+    def _lanes(self) -> list[range]:
+        """The lanes of each section."""
+        pairs = zip(self.first_lane.tolist(), self.lanes_there.tolist(), strict=True)
+        return [range(first, first + there) for first, there in pairs]
+
+    @cached_property
+    def _last_sections(self) -> list[list[int]]:
+        """Of each section and lane, the last section in a row in which the lane exists; -1 where it does not end."""
+        return [[self._end_of(section, lane) for lane in range(self.lane_count)] for section in range(len(self._lanes))]
+
+    def _end_of(self, section: int, lane: int) -> int:
+        for later in range(section + 1, len(self._lanes)):
+            if lane not in self._lanes[later]:
+                return later - 1
+        return -1
+
     def _section(self, along: float) -> int:
+        if len(self._starts) == 1:
+            return 0
         return max(bisect_right(self._starts, along % self.lap if self.lap else along) - 1, 0)
 
     def _sections(self, along: np.ndarray) -> np.ndarray:
@@ -177,47 +203,52 @@ class RouteRoad:
 
     def lanes_at(self, along: float) -> range:
         """Return the lanes that exist at s."""
-        section = self._section(along)
-        first = int(self.first_lane[section])
-        return range(first, first + int(self.lanes_there[section]))
-
-    def _last_section(self, lane: int, along: float) -> int:
-        """Return the last section in a row in which a lane exists that exists at s; -1 where it does not end."""
-        if len(self._starts) == 1:
-            return -1
-        section = self._section(along)
-        for later in range(section + 1, len(self.section_start)):
-            first = int(self.first_lane[later])
-            if not first <= lane < first + int(self.lanes_there[later]):
-                return later - 1
-        return -1
+        return self._lanes[self._section(along)]
 
     def lane_end(self, lane: int, along: float) -> float:
         """Return the s (m) at which a lane ends that exists at s; inf where it does not end on this road, or lap."""
-        last = self._last_section(lane, along)
+        last = self._last_sections[self._section(along)][lane]
         if last < 0:
             return math.inf
         laps = math.floor(along / self.lap) * self.lap if self.lap else 0.0
-        return laps + float(self.section_start[last + 1])
+        return laps + self._starts[last + 1]
 
     def leads_off(self, lane: int, along: float) -> bool:
         """Return whether a lane that exists at s goes on beside this road where it ends on it; see Road."""
-        last = self._last_section(lane, along)
+        last = self._last_sections[self._section(along)][lane]
         return last >= 0 and bool(int(self.leading_off[last]) >> lane & 1)
 
     def lasting_lanes(self, along: np.ndarray, ahead: float) -> np.ndarray:
         """Return the first and the last lane (J, 2) that exist from s (J,) to `ahead` m beyond; see Road."""
+        if len(self._starts) == 1:
+            lanes = np.empty((len(along), 2), np.int64)
+            lanes[:, 0], lanes[:, 1] = self._lanes[0][0], self._lanes[0][-1]
+            return lanes
         section = self._sections(along)
         first, stop = self.first_lane[section], self.first_lane[section] + self.lanes_there[section]
         within = along % self.lap if self.lap else along
-        if len(self._starts) == 1:
-            return np.column_stack([first, stop - 1])
         for start, lowest, there in zip(self.section_start, self.first_lane, self.lanes_there, strict=True):
             for begins in (start, start + self.lap) if self.lap else (start,):
                 is_reached = (begins > within) & (begins <= within + ahead)
                 first = np.where(is_reached, np.maximum(first, lowest), first)
                 stop = np.where(is_reached, np.minimum(stop, lowest + there), stop)
         return np.column_stack([first, stop - 1])
+
+    def speed_limit(self, along: np.ndarray) -> np.ndarray:
+        """Return the speed limits (J,), m/s, at s (J,); inf where there is none."""
+        if not len(self.limit):
+            return np.full(len(along), math.inf)
+        within = along % self.lap if self.lap else along
+        return np.asarray(self.limit[np.maximum(np.searchsorted(self.limit_start, within, side="right") - 1, 0)])
+
+    def speed_limits(self, start: float, stop: float) -> np.ndarray:
+        """Return the limits between two s (m), (L, 2): where each begins (the first: `start`), m, and itself, m/s."""
+        first = float(self.speed_limit(np.array([start]))[0])
+        laps = np.arange(start // self.lap, stop // self.lap + 1.0) * self.lap if self.lap else np.zeros(1)
+        begins = (laps[:, np.newaxis] + self.limit_start).ravel()
+        limits = np.column_stack([begins, np.tile(self.limit, len(laps))])[(begins > start) & (begins <= stop)]
+        limits = np.vstack([[start, first], limits])
+        return limits[np.append(True, np.diff(limits[:, 1]) != 0.0)]
 
     def lane_centre(self, lane: int, along: float) -> float:
         """Return the lateral offset of a lane's centre line, m."""
@@ -264,7 +295,7 @@ class RouteRoad:
         """Return dheading/ds, 1/m, positive where the road bends to the left."""
         return float(bend_and_stretch(along, 0.0, self._spacing, self.lap, self._coefficients)[0])
 
-    @property
+    @cached_property
     def _reference(self) -> float:
         return self.reference_lane * self.lane_width
 

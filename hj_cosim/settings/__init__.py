@@ -23,6 +23,7 @@ from hj_cosim.settings.layers import (
 )
 from hj_cosim.settings.own_simulation import OwnSimulationSettings
 from hj_cosim.settings.planner import MOST_PREDICTION_STEPS, PlannerSettings
+from hj_cosim.settings.recording import RecordingSettings
 from hj_cosim.settings.robot import RobotSettings, TrackingSettings
 from hj_cosim.settings.rogues import MIXED, RogueLimits, RogueSettings
 from hj_cosim.settings.scenario import (
@@ -59,6 +60,7 @@ __all__ = [
     "NormalDistribution",
     "OwnSimulationSettings",
     "PlannerSettings",
+    "RecordingSettings",
     "RobotSettings",
     "RobotStart",
     "RogueLimits",

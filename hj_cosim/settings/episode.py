@@ -10,11 +10,12 @@ from hj_cosim.errors import ConfigurationError
 from hj_cosim.settings.base import Seconds, Settings
 from hj_cosim.settings.filter import FilterSettings
 from hj_cosim.settings.planner import PlannerSettings
+from hj_cosim.settings.recording import RecordingSettings
 from hj_cosim.settings.robot import RobotSettings, TrackingSettings
 from hj_cosim.settings.scenario import Scenario
 
-# Samples times cars of an episode, which is kept in memory until it is written: some 4 GB.
-MOST_RECORDED = 100_000_000
+# Samples times cars of an episode, what does not fit into memory in its file: some 20 GB.
+MOST_RECORDED = 1_000_000_000
 
 STEP_TOLERANCE = 1e-6  # how far a traffic step may be from a whole number of steps, as a share
 
@@ -72,6 +73,7 @@ class EpisodeConfig(Settings):
     planner: PlannerSettings = Field(PlannerSettings(), description="the planner")
     filter: FilterSettings = Field(FilterSettings(), description="the safety filter")
     simulation: SimulationSettings = Field(SimulationSettings(), description="the clocks")
+    recording: RecordingSettings = Field(RecordingSettings(), description="what of the cars is written down")
     scenario: Scenario = Field(description="road, traffic and drivers")
 
     @model_validator(mode="after")
@@ -81,7 +83,7 @@ class EpisodeConfig(Settings):
         if (cars + 1) * simulation.duration > MOST_RECORDED * simulation.step:
             raise ValueError(
                 f"simulation.duration ({simulation.duration} s) of {cars} cars in steps of simulation.step"
-                f" ({simulation.step} s) is more than is kept in memory, {MOST_RECORDED} samples of a car; take less"
+                f" ({simulation.step} s) is more than is recorded, {MOST_RECORDED} samples of a car; take less"
             )
         return self
 
@@ -90,6 +92,11 @@ class EpisodeConfig(Settings):
         own = self.scenario.own
         if not own.is_given and (own.ego or own.begin is not None):
             raise ValueError("scenario.own.ego and scenario.own.begin (--ego, --begin) are about a user's own .sumocfg")
+        if not own.is_given and own.traffic != "theirs":
+            raise ValueError(
+                f"scenario.own.traffic = {own.traffic!r} (--traffic) is about a user's own .sumocfg; the cars of a"
+                " scenario are driven by IDM and MOBIL already, so leave it out"
+            )
         return self
 
     @model_validator(mode="after")
@@ -109,6 +116,19 @@ class EpisodeConfig(Settings):
         if isinstance(scenario, Mapping) and "seed" in scenario and "seed" not in data:
             return {**data, "seed": scenario["seed"]}
         return data
+
+    @model_validator(mode="before")
+    @classmethod
+    def _cars_are_recorded_as_usual(cls, data: Any) -> Any:
+        """Record those near the robot of a user's own simulation, and all of a scenario's, unless it is said."""
+        if not isinstance(data, Mapping):
+            return data
+        scenario, recording = data.get("scenario"), data.get("recording", {})
+        if not isinstance(recording, Mapping) or "cars" in recording:
+            return data
+        own = scenario.get("own", {}) if isinstance(scenario, Mapping) else getattr(scenario, "own", {})
+        file = own.get("file") if isinstance(own, Mapping) else getattr(own, "file", "")
+        return {**data, "recording": {**recording, "cars": "near" if file else "all"}}
 
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {

@@ -63,6 +63,11 @@ class FilterSettings(Settings):
     suspect_weight: Number = Field(
         0.3, gt=0, description="by belief: how much missing a suspected car's row counts where all cannot be met"
     )
+    conflicts: Literal["equal", "responsibility"] = Field(
+        "equal",
+        description="where the rows cannot be met together; equal: all are missed alike, as in the paper;"
+        " responsibility: those least for whom the robot answers by RSS, then those with least left of V",
+    )
     solver: Backend = Field(
         "daqp",
         description="of the filter's problem, one of qpsolvers' or this project's own enumeration, which is exact and"

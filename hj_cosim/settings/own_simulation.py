@@ -1,5 +1,7 @@
 """A user's own SUMO simulation, in which the robot takes over a vehicle."""
 
+from typing import Literal
+
 from pydantic import Field
 
 from hj_cosim.settings.base import Metres, Seconds, Settings
@@ -19,6 +21,12 @@ class OwnSimulationSettings(Settings):
         300.0, ge=0, le=86400, description="before the robot takes over, half of the simulation at most"
     )
     near: Metres = Field(250.0, ge=10, le=2000, description="the cars within it are observed and recorded")
+
+    traffic: Literal["theirs", "idm-mobil"] = Field(
+        "theirs",
+        description="who drives the others: their own drivers, or IDM and MOBIL as scenario.drivers has them, each at"
+        " the speed that it desired before",
+    )
 
     @property
     def is_given(self) -> bool:

@@ -13,7 +13,8 @@ from hj_cosim.analysis.figures.side_by_side import side_by_side
 from hj_cosim.analysis.figures.style import save_drawing
 from hj_cosim.files import file_name
 from hj_cosim.locations import given_path, runs_folder
-from hj_cosim.recording.run_folder import TRAJECTORIES, read_run, require_free_folder, whole_folder
+from hj_cosim.recording.run_folder import read_run, require_free_folder, whole_folder
+from hj_cosim.recording.trajectories import TRAJECTORIES
 from hj_cosim.study.comparison import Group, differing_settings, groups_of, shown_runs
 from hj_cosim.study.tables import write_csv
 

@@ -117,6 +117,7 @@ def design_study(
     stacks: tuple[Stack, ...] = PAPER_STACKS,
     variations: tuple[Variation, ...] = (),
     settings: tuple[str, ...] = (),
+    traffic: str = "theirs",
 ) -> StudyDesign:
     """Return a study of every stack in every scenario with every combination of the varied knobs.
 
@@ -130,6 +131,7 @@ def design_study(
         stacks: in the order of the table's rows.
         variations: knobs and their values; the first varies slowest.
         settings: texts `KEY=VALUE` for every episode, as `--set` takes them.
+        traffic: `theirs` or `idm-mobil`, who drives the others in users' own simulations.
 
     Raises:
         ConfigurationError: if anything is unknown, of the wrong type or out of range, or two rows would be the same.
@@ -141,7 +143,9 @@ def design_study(
     for text in settings:
         _require_not_a_rows_own(text)
     cells = []
-    base = {"seed": seed, "simulation": {"on_collision": "continue"}}
+    base: dict[str, Any] = {"seed": seed, "simulation": {"on_collision": "continue"}}
+    if traffic != "theirs":
+        base["scenario"] = {"own": {"traffic": traffic}}
     for scenario in scenarios:
         for values in itertools.product(*(variation.values for variation in variations)):
             setting = tuple((variation.key, value) for variation, value in zip(variations, values, strict=True))
@@ -184,6 +188,7 @@ def design_of(request: StudyRequest) -> StudyDesign:
         stacks=tuple(parse_stack(text) for text in request.stacks),
         variations=tuple(parse_variation(text) for text in request.vary),
         settings=request.set,
+        traffic=request.traffic,
     )
 
 

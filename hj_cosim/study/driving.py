@@ -27,4 +27,4 @@ def drive_episode(job: EpisodeJob) -> None:
     """
     kept = (job.table, *job.larger)
     table = _load_tables(tuple((one.path, one.specification.model_dump_json(), one.size) for one in kept))
-    write_episode(run_in_sumo(job.config, table), job.folder, job.keep)
+    write_episode(run_in_sumo(job.config, table, beside=job.folder), job.folder, job.keep)

@@ -5,10 +5,11 @@ from pathlib import Path
 import pandas as pd
 
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
-from hj_cosim.analysis.figures.gallery import scenario_densities
+from hj_cosim.analysis.figures.of_study import scenario_densities
 from hj_cosim.analysis.figures.stacks import varying_factors
 from hj_cosim.analysis.figures.style import save_drawing
 from hj_cosim.analysis.figures.sweep import density_sweep, sweep
+from hj_cosim.analysis.figures.target_sets import TABLE, target_sets
 from hj_cosim.analysis.figures.trade_off import trade_off
 from hj_cosim.files import file_name
 from hj_cosim.study.tables import STACK_COLUMNS
@@ -36,6 +37,8 @@ def draw_figures(study: Path, table: pd.DataFrame, figures: Path) -> None:
         save_drawing(trade_off(own), figures / f"{name}.png")
     if {BEHAVIOUR, SHARE} <= set(factors):
         save_drawing(attack(table), figures / "attack.png")
+    if set(varying) == {"scenario", TABLE}:
+        save_drawing(target_sets(driven), figures / "target-sets.png")
     if varying == ["scenario"]:
         save_drawing(density_sweep(driven, scenario_densities(study)), figures / "density-sweep.png")
     elif len(set(varying) - {"scenario"}) == 1:

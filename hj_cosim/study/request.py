@@ -27,6 +27,7 @@ _DEFAULTS: Mapping[str, Any] = {
     "vary": (),
     "set": (),
     "keep": "all",
+    "traffic": "theirs",
 }
 
 

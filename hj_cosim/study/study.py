@@ -115,6 +115,7 @@ def run_study(
     workers: int | None = None,
     scheduler: str | None = None,
     keep: str | None = None,
+    traffic: str | None = None,
     resume: bool = False,
     out: PathLike[str] | str | None = None,
     progress: Progress | None = None,
@@ -145,6 +146,8 @@ def run_study(
         scheduler: address of a Dask scheduler whose workers are to drive instead, for example tcp://10.0.0.1:8786.
         keep: `all` that a run folder holds (unless given), or without the cars' trajectories (`robot`), a twentieth of
             the size.
+        traffic: who drives the others in users' own simulations: `theirs`, their own drivers (unless given), or
+            `idm-mobil`, ours.
         resume: go on with the study in `out`. What is there is kept, what is missing or failed is driven. What is
             given besides must be what the study has; more episodes are fine.
         out: the study's folder; a new one in runs/ unless given.
@@ -171,6 +174,7 @@ def run_study(
         vary=vary,
         set=settings,
         keep=keep,
+        traffic=traffic,
     )
     engine = engine_of(workers, scheduler, watch)
     folder = _study_folder(None if out is None else given_path(out, "out"), given, resume=resume)

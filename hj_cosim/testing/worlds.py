@@ -5,7 +5,8 @@ from dataclasses import fields
 
 import numpy as np
 
-from hj_cosim.scene.observation import Observation, is_possible
+from hj_cosim.scene.observation import Observation
+from hj_cosim.scene.possible import is_possible
 from hj_cosim.testing.expectations import answered, left_as_it_was, require
 from hj_cosim.traffic.contract import World
 

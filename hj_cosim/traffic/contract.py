@@ -85,3 +85,12 @@ class WorldWithRogues(World, Protocol):
     def rogues(self) -> Mapping[str, str]:
         """What each of them does, a behaviour's name by the car's; it is recorded, and no planner or filter sees it."""
         ...
+
+
+@runtime_checkable
+class WorldWithOthers(World, Protocol):
+    """A world in which the robot does not see everybody who could be recorded."""
+
+    def everybody(self) -> Observation:
+        """Return what `observe` does, with those too that are farther away; cars have the same numbers in both."""
+        ...

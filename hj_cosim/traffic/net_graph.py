@@ -3,7 +3,7 @@
 import heapq
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -32,6 +32,7 @@ class NetGraph:
     inner: frozenset[str]  # edges inside junctions
     links: dict[tuple[str, str], list[Link]]  # by source and target edge
     following: dict[str, list[str]]  # the edges that each leads to
+    _read: dict[tuple[str, int], NetLane] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def require_edge(self, edge: str) -> None:
         """Check that there is an edge of that name, outside of junctions.
@@ -71,13 +72,15 @@ class NetGraph:
         return SumoLane(edge, index, lane.length, shape)
 
     def lane(self, edge: str, index: int) -> NetLane:
-        """Return a lane.
+        """Return a lane; it is read when it is first asked for.
 
         Raises:
             NetworkError: if it cannot be read.
         """
+        if (edge, index) in self._read:
+            return self._read[edge, index]
         try:
-            return lane_of(self.lanes[edge][index])
+            return self._read.setdefault((edge, index), lane_of(self.lanes[edge][index]))
         except (KeyError, ValueError) as error:
             raise NetworkError(
                 f"{self.path}: edge {edge!r} has a lane without a readable index, length or shape"

@@ -7,7 +7,7 @@ import numpy as np
 from hj_cosim.scene.observation import Observation
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import DriverSettings
-from hj_cosim.vehicles.idm import DESIRED_SPEED, idm_acceleration, mean_driver
+from hj_cosim.vehicles.idm import DESIRED_SPEED, idm_acceleration, mean_driver, within_limits
 
 
 def robot_driver(settings: DriverSettings, desired_speed: float) -> np.ndarray:
@@ -33,6 +33,7 @@ def follow_lane(
         (4,) the next state, on the lane's centre line and along it, and the acceleration, m/s².
     """
     x, y, _, speed = observation.robot
+    driver = within_limits(driver[np.newaxis], road.speed_limit(observation.robot[:1]))[0]
     lane = road.lane_at(y, x)
     distance = observation.x - x
     ahead = np.flatnonzero(((observation.lane == lane) | (observation.target_lane == lane)) & (distance > 0.0))

@@ -1,33 +1,60 @@
-"""The Intelligent Driver Model (Treiber, Hennecke, Helbing 2000)."""
+"""The Intelligent Driver Model (Treiber, Hennecke, Helbing 2000), compiled.
+
+What its parameters are, and what needs no compiler, is in drivers.py and can be had here too.
+"""
 
 import math
 
 import numpy as np
-from numba import njit
 
-from hj_cosim.settings import DriverSettings, NormalDistribution
-
-# Columns of a driver's parameters, an array (J, 6) or (6,), in this order everywhere.
-DESIRED_SPEED = 0  # m/s
-MAX_ACCELERATION = 1  # m/s²
-COMFORTABLE_DECELERATION = 2  # m/s²
-TIME_HEADWAY = 3  # s
-MINIMUM_GAP = 4  # m, bumper to bumper
-EXPONENT = 5
-PARAMETER_NAMES = (
-    "desired_speed",
-    "max_acceleration",
-    "comfortable_deceleration",
-    "time_headway",
-    "minimum_gap",
-    "exponent",
+from hj_cosim.kernels import kernel
+from hj_cosim.vehicles.drivers import (
+    COMFORTABLE_DECELERATION,
+    DESIRED_SPEED,
+    EXPONENT,
+    MAX_ACCELERATION,
+    MINIMUM_GAP,
+    PARAMETER_NAMES,
+    SMALLEST_GAP,
+    TIME_HEADWAY,
+    equilibrium_speed,
+    mean_driver,
+    parameter_settings,
+    within_limits,
 )
 
-# What the model asks of a car that already touches its leader: the gap is not let below this (m).
-SMALLEST_GAP = 0.1
+__all__ = [
+    "COMFORTABLE_DECELERATION",
+    "DESIRED_SPEED",
+    "EXPONENT",
+    "MAX_ACCELERATION",
+    "MINIMUM_GAP",
+    "PARAMETER_NAMES",
+    "SMALLEST_GAP",
+    "TIME_HEADWAY",
+    "driver_of",
+    "equilibrium_speed",
+    "idm_acceleration",
+    "mean_driver",
+    "parameter_settings",
+    "within_limits",
+]
 
 
-@njit(cache=True)
+@kernel
+def driver_of(drivers: np.ndarray, car: int) -> tuple[float, float, float, float, float, float]:
+    """Return a driver's parameters out of (J, 6), as numbers: kernels keep these in registers."""
+    return (
+        drivers[car, DESIRED_SPEED],
+        drivers[car, MAX_ACCELERATION],
+        drivers[car, COMFORTABLE_DECELERATION],
+        drivers[car, TIME_HEADWAY],
+        drivers[car, MINIMUM_GAP],
+        drivers[car, EXPONENT],
+    )
+
+
+@kernel
 def idm_acceleration(speed: float, gap: float, lead_speed: float, driver: np.ndarray) -> float:
     """Return IDM's acceleration a [1 − (v/v_0)^δ − (s*/s)²], with s* = s_0 + max(0, v T + v Δv / (2 √(a b))).
 
@@ -54,36 +81,3 @@ def idm_acceleration(speed: float, gap: float, lead_speed: float, driver: np.nda
     desired_gap = driver[MINIMUM_GAP] + max(0.0, dynamic)
     interaction = desired_gap / max(gap, SMALLEST_GAP)
     return max_acceleration * (1.0 - free - interaction * interaction)
-
-
-@njit(cache=True)
-def equilibrium_speed(gap: float, driver: np.ndarray) -> float:
-    """Return the speed at which IDM neither brakes nor accelerates behind a leader of the same speed.
-
-    Args:
-        gap: bumper to bumper, m; `math.inf` when nobody is ahead.
-        driver: (6,) the driver's parameters in this module's order.
-
-    Returns:
-        The speed, m/s, by bisection to 1e-6 m/s; 0 where the gap is below the minimum gap.
-    """
-    low, high = 0.0, driver[DESIRED_SPEED]
-    while high - low > 1e-6:
-        middle = 0.5 * (low + high)
-        if idm_acceleration(middle, gap, middle, driver) > 0.0:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
-def parameter_settings(settings: DriverSettings) -> tuple[NormalDistribution | float, ...]:
-    """Return what the six parameters are drawn from, in this module's order; a number is the same for everybody."""
-    return tuple(getattr(settings, name) for name in PARAMETER_NAMES)
-
-
-def mean_driver(settings: DriverSettings) -> np.ndarray:
-    """Return the mean parameters, (6,) in this module's order: all that a planner knows of the other drivers."""
-    return np.array(
-        [each.mean if isinstance(each, NormalDistribution) else each for each in parameter_settings(settings)]
-    )

@@ -9,7 +9,8 @@ import math
 import numpy as np
 from numba import njit
 
-from hj_cosim.vehicles.idm import idm_acceleration
+from hj_cosim.kernels import kernel
+from hj_cosim.vehicles.idm import driver_of, idm_acceleration
 
 # Columns of MOBIL's parameters, an array (3,).
 POLITENESS = 0
@@ -19,7 +20,7 @@ SAFE_BRAKING = 2  # m/s²
 NOBODY = -1
 
 
-@njit(cache=True)
+@kernel
 def leader_in_lane(car: int, wanted_lane: int, lane: np.ndarray, second_lane: np.ndarray) -> int:
     """Return the nearest car ahead of `car` that occupies `wanted_lane`, or NOBODY.
 
@@ -35,7 +36,7 @@ def leader_in_lane(car: int, wanted_lane: int, lane: np.ndarray, second_lane: np
     return NOBODY
 
 
-@njit(cache=True)
+@kernel
 def follower_in_lane(car: int, wanted_lane: int, lane: np.ndarray, second_lane: np.ndarray) -> int:
     """Return the nearest car behind `car` that occupies `wanted_lane`, or NOBODY; arguments as leader_in_lane."""
     for other in range(car - 1, -1, -1):
@@ -44,19 +45,49 @@ def follower_in_lane(car: int, wanted_lane: int, lane: np.ndarray, second_lane: 
     return NOBODY
 
 
-@njit(cache=True)
+@kernel
 def following_acceleration(
     car: int, leader: int, position: np.ndarray, speed: np.ndarray, length: np.ndarray, drivers: np.ndarray
 ) -> float:
     """Return IDM's acceleration of `car` behind `leader` (or NOBODY), m/s²; arguments as lane_change_incentive."""
+    driver = driver_of(drivers, car)
     if leader == NOBODY:
-        return idm_acceleration(speed[car], math.inf, 0.0, drivers[car])
+        return idm_acceleration(speed[car], math.inf, 0.0, driver)
     gap = position[leader] - position[car] - 0.5 * (length[leader] + length[car])
-    return idm_acceleration(speed[car], gap, speed[leader], drivers[car])
+    return idm_acceleration(speed[car], gap, speed[leader], driver)
+
+
+@kernel
+def is_safe_change(
+    car: int,
+    new_leader: int,
+    new_follower: int,
+    position: np.ndarray,
+    speed: np.ndarray,
+    length: np.ndarray,
+    drivers: np.ndarray,
+    safe_braking: float,
+) -> bool:
+    """Return whether `car` may change lanes between two others: eq. 2 of the paper.
+
+    The new follower need not brake harder than b_safe, and the bodies do not overlap.
+
+    Args:
+        car: index into the arrays, which are as lane_change_incentive has them.
+        new_leader, new_follower: likewise, in the lane that it would change to, or NOBODY.
+        safe_braking: b_safe, m/s².
+    """
+    if new_leader != NOBODY and position[new_leader] - position[car] <= 0.5 * (length[new_leader] + length[car]):
+        return False
+    if new_follower == NOBODY:
+        return True
+    if position[car] - position[new_follower] <= 0.5 * (length[new_follower] + length[car]):
+        return False
+    return following_acceleration(new_follower, car, position, speed, length, drivers) >= -safe_braking
 
 
 # Nine parameters: traffic and planner keep these arrays differently, and both hand them over without a copy.
-@njit(cache=True)
+@kernel
 def lane_change_incentive(
     car: int,
     target_lane: int,
@@ -70,8 +101,7 @@ def lane_change_incentive(
 ) -> float:
     """Return MOBIL's incentive of `car` for `target_lane` above its threshold; −inf where it would be unsafe.
 
-    The change is safe if the new follower need not brake harder than b_safe (eq. 2 of the paper) and the
-    bodies do not overlap; the incentive is ã_c − a_c + p (ã_n − a_n + ã_o − a_o) − Δa_th (eq. 6).
+    The incentive is ã_c − a_c + p (ã_n − a_n + ã_o − a_o) − Δa_th (eq. 6 of the paper).
 
     Args:
         car: index into the arrays, which are sorted by position, ascending.
@@ -89,15 +119,8 @@ def lane_change_incentive(
     """
     new_leader = leader_in_lane(car, target_lane, lane, second_lane)
     new_follower = follower_in_lane(car, target_lane, lane, second_lane)
-    if new_leader != NOBODY and position[new_leader] - position[car] <= 0.5 * (length[new_leader] + length[car]):
+    if not is_safe_change(car, new_leader, new_follower, position, speed, length, drivers, mobil[SAFE_BRAKING]):
         return -math.inf
-    new_follower_after = 0.0
-    if new_follower != NOBODY:
-        if position[car] - position[new_follower] <= 0.5 * (length[new_follower] + length[car]):
-            return -math.inf
-        new_follower_after = following_acceleration(new_follower, car, position, speed, length, drivers)
-        if new_follower_after < -mobil[SAFE_BRAKING]:
-            return -math.inf
 
     old_leader = leader_in_lane(car, lane[car], lane, second_lane)
     own_now = following_acceleration(car, old_leader, position, speed, length, drivers)
@@ -107,7 +130,7 @@ def lane_change_incentive(
         others = 0.0
         if new_follower != NOBODY:
             now = following_acceleration(new_follower, new_leader, position, speed, length, drivers)
-            others += new_follower_after - now
+            others += following_acceleration(new_follower, car, position, speed, length, drivers) - now
         old_follower = follower_in_lane(car, lane[car], lane, second_lane)
         if old_follower != NOBODY:
             now = following_acceleration(old_follower, car, position, speed, length, drivers)

@@ -93,7 +93,7 @@ def _filtered(
 ) -> tuple[float, float, float, int, bool]:
     """Return what SPC makes of the control asked for, ω and a; V; the manoeuvre driven; whether none escapes."""
     p_x, p_y = robot[0] - car[0], robot[1] - car[1]
-    value = value_and_gradient_at(game.table, p_x, p_y, robot[2], robot[3], car[2], gradient)
+    value = value_and_gradient_at(game.table.flat, game.table.grid, p_x, p_y, robot[2], robot[3], car[2], gradient)
     limits = gripped(game.limits, robot[3], game.sideways)
     box = available_controls(limits, robot[2], robot[3], game.bounds, game.step)
     omega, acceleration = min(max(asked[0], box[0]), box[1]), min(max(asked[1], box[2]), box[3])
@@ -102,8 +102,8 @@ def _filtered(
         state = np.array([p_x, p_y, robot[2], robot[3], car[2]])
         row = np.empty(8)
         if game.smooth:
-            smooth_gradient_at(game.table, p_x, p_y, robot[2], robot[3], car[2], gradient)
-        write_row(game.table.target, game.other, state, value, gradient, row)
+            smooth_gradient_at(game.table.flat, game.table.grid, p_x, p_y, robot[2], robot[3], car[2], gradient)
+        write_row(game.table.grid.target, game.other, state, value, gradient, row)
         begins = begun_row(row, game.epsilon, game.recovery, game.approach, box, omega, acceleration)
         if begins != NOT_NEEDED:
             p, q, c = row[begins + 1 : begins + 2], row[begins + 2 : begins + 3], row[begins + 3 : begins + 4]
@@ -140,7 +140,7 @@ def roll_out_choices(game: Game, search: Search, start: np.ndarray, choices: np.
     collided, without_escape, gradient = False, False, np.empty(5)
     for sample in range(search.samples + 1):
         p_x, p_y = robot[0] - car[0], robot[1] - car[1]
-        least_target = min(least_target, target_at(game.table.target, p_x, p_y, robot[2], robot[3], car[2]))
+        least_target = min(least_target, target_at(game.table.grid.target, p_x, p_y, robot[2], robot[3], car[2]))
         collided |= bodies_overlap(p_x, p_y, robot[2], game.length, game.width)
         choice = choices[min(sample * search.segments // search.samples, search.segments - 1)]
         asked = _desired_control(game, search.desired, robot, car, cruising, choice)

@@ -17,7 +17,8 @@ from hj_cosim.control.spc.escape import NO_MANOEUVRE, Extent, is_to_be_looked_at
 from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres
 from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed, worst_heading_sine
 from hj_cosim.reachability.games.highway.rows import write_row
-from hj_cosim.reachability.table.lookup import TableArrays, shift_of_grid, smooth_gradient_at, value_and_gradient_at
+from hj_cosim.reachability.table.lookup import shift_of_grid, smooth_gradient_at, value_and_gradient_at
+from hj_cosim.reachability.table.table_arrays import TableArrays
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 from hj_cosim.vehicles.idm import idm_acceleration
 
@@ -49,15 +50,16 @@ class Game(NamedTuple):
     length: float
     width: float
     curvature: float  # 1/m, of the road at d = 0; 0 of a straight one
-    half_wave: float  # m, in which the curvature turns over to the other side, like a cosine; inf if it stays
+    half_wave: float  # m, in which the curvature turns over to the other side, evenly; inf if it stays
 
 
 @njit(cache=True)
 def curvature_at(game: Game, along: float) -> float:
-    """Return the road's curvature at s, 1/m."""
+    """Return the road's curvature at s, 1/m: constant, or that of clothoids from one side to the other and back."""
     if game.half_wave == math.inf:
         return game.curvature
-    return game.curvature * math.cos(math.pi * along / game.half_wave)
+    waves = along / (2.0 * game.half_wave)
+    return game.curvature * (4.0 * abs(waves - math.floor(waves) - 0.5) - 1.0)
 
 
 @njit(cache=True)
@@ -82,12 +84,12 @@ def _worst_inputs(gradient: np.ndarray, state: np.ndarray, other: Disturbance) -
 @njit(cache=True)
 def _gradient_within(game: Game, state: np.ndarray, gradient: np.ndarray) -> float:
     """Return V, and write ∇V; beyond the table V is +inf, and the gradient that of the nearest place on its edge."""
-    table = game.table
-    low, cells = table.lower, table.deficit.shape
-    rear = low[0] + shift_of_grid(table, state[3], state[4])
-    x = min(max(state[0], rear), rear + (cells[0] - 1) / table.inverse_spacing[0])
-    y = min(max(state[1], low[1]), low[1] + (cells[1] - 1) / table.inverse_spacing[1])
-    value = value_and_gradient_at(table, x, y, state[2], state[3], state[4], gradient)
+    grid = game.table.grid
+    low, cells = grid.lower, grid.shape
+    rear = low[0] + shift_of_grid(grid, state[3], state[4])
+    x = min(max(state[0], rear), rear + (cells[0] - 1) / grid.inverse_spacing[0])
+    y = min(max(state[1], low[1]), low[1] + (cells[1] - 1) / grid.inverse_spacing[1])
+    value = value_and_gradient_at(game.table.flat, grid, x, y, state[2], state[3], state[4], gradient)
     return value if x == state[0] and y == state[1] else math.inf
 
 
@@ -147,6 +149,51 @@ def where_bodies_overlap(states: np.ndarray, length: float, width: float) -> np.
 
 
 @njit(cache=True)
+def world_pose(
+    curvature: float, ahead: float, lateral: float, other_lateral: float, theta: float
+) -> tuple[float, float, float]:
+    """Return where the robot is in the world, from another car that goes along the road: x, y (m) and heading (rad).
+
+    Args:
+        curvature: of the road at d = 0 between the two, 1/m.
+        ahead: m of s from the other car to the robot.
+        lateral, other_lateral: d of the robot and of the other car, m.
+        theta: heading of the robot against the road at its own s, rad.
+    """
+    if curvature == 0.0:
+        return ahead, lateral - other_lateral, theta
+    turned = curvature * ahead
+    inwards = 2.0 / curvature * math.sin(0.5 * turned) ** 2  # how far the road at d = 0 has come to the left
+    return (
+        (1.0 / curvature - lateral) * math.sin(turned),
+        inwards + lateral * math.cos(turned) - other_lateral,
+        turned + theta,
+    )
+
+
+@njit(cache=True)
+def where_bodies_overlap_in_world(game: Game, states: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return at which states they do on the road as it bends, (n,) bool.
+
+    Between two bodies that are near enough to touch, a road has one curvature to some millimetres.
+
+    Args:
+        game: its road and bodies.
+        states: (n, 5) relative states, in the road frame.
+        places: (n, 2) s and d of the robot, m.
+    """
+    found = np.zeros(len(states), np.bool_)
+    reach = 2.0 * (game.length + game.width)
+    for i in range(len(states)):
+        ahead, lateral = states[i, 0], places[i, 1]
+        if abs(ahead) < reach:
+            curvature = curvature_at(game, places[i, 0] - 0.5 * ahead)
+            x, y, heading = world_pose(curvature, ahead, lateral, lateral - states[i, 1], states[i, 2])
+            found[i] = bodies_overlap(x, y, heading, game.length, game.width)
+    return found
+
+
+@njit(cache=True)
 def _desired_control(
     game: Game, desire: int, sample: int, heading: float, slope: np.ndarray, random: np.ndarray
 ) -> tuple[float, float]:
@@ -181,7 +228,7 @@ def _roll_out(
         robot: (4,) p_x, p_y, θ, v; overwritten.
         others: (cars, 3) x, y, v_o; overwritten.
         random: (holds, 2) random desires (ω, a), each held for RANDOM_HOLD steps.
-        states: (samples + 1, cars, 5) float32, written: relative states.
+        states: (samples + 1, cars, 7) float32, written: relative states, and s and d of the robot.
         values: (samples + 1, cars) float32, written: V.
         slack: (samples,) float32, written: t of the control; NaN where K is empty.
     """
@@ -200,7 +247,8 @@ def _roll_out(
             relative[0], relative[1] = robot[0] - others[j, 0], robot[1] - others[j, 1]
             relative[2], relative[3], relative[4] = robot[2], robot[3], others[j, 2]
             value = _gradient_within(game, relative, gradients[j])
-            states[sample, j] = relative
+            states[sample, j, :5] = relative
+            states[sample, j, 5], states[sample, j, 6] = robot[0], robot[1]
             values[sample, j], looked_up[j] = value, value
             if j == 0 or value < least:
                 least = value
@@ -222,9 +270,16 @@ def _roll_out(
                 slopes[:] = gradients[j]  # the worst inputs go by the table's own
                 if game.smooth:
                     smooth_gradient_at(
-                        game.table, relative[0], relative[1], relative[2], relative[3], relative[4], slopes
+                        game.table.flat,
+                        game.table.grid,
+                        relative[0],
+                        relative[1],
+                        relative[2],
+                        relative[3],
+                        relative[4],
+                        slopes,
                     )
-                write_row(game.table.target, game.other, relative, looked_up[j], slopes, row)
+                write_row(game.table.grid.target, game.other, relative, looked_up[j], slopes, row)
                 begins = begun_row(row, game.epsilon, game.recovery, game.approach, box, omega, acceleration)
                 if begins != NOT_NEEDED:
                     p[count], q[count], c[count] = row[begins + 1], row[begins + 2], row[begins + 3]

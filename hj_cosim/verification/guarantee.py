@@ -40,6 +40,7 @@ from hj_cosim.verification.filter_games import (
     Game,
     roll_out_all,
     where_bodies_overlap,
+    where_bodies_overlap_in_world,
 )
 
 Desire = Literal["cruise", "random", "collide"]
@@ -67,7 +68,7 @@ class RolloutSettings:
     others: Others = "adversary"  # who the other cars are: the worst for V, or IDM drivers that keep their lane
     cars: int = 1  # other cars, each of them a pair with V just above ε
     curvature: float = 0.0  # 1/m, of the road at d = 0; both cars are in the world, the filter in the road frame
-    half_wave: float = math.inf  # m, in which the road turns over to the other side, as an S does
+    half_wave: float = math.inf  # m, in which clothoids turn the road over to the other side, as an S does
     band: float = 0.5  # m; starts have ε < V <= ε + band
     seed: int = 0
 
@@ -83,6 +84,7 @@ class GuaranteeReport:
     entered: int  # rollouts that entered the target set, V(0, ·) <= 0
     collided: int  # rollouts in which bodies overlapped, the robot's turned by its heading
     collided_unturned: int  # those in which they overlap with both along the road, as the target set takes them
+    collided_in_world: int  # those in which they overlap on the road as it bends, not as the road frame has it
     fall_median: float  # m, of V below ε: how far it fell at most in a rollout
     fall_p99: float
     fall_p999: float
@@ -180,8 +182,9 @@ def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, r
 def _starts(
     table: ValueTable, game: Game, settings: RolloutSettings, generator: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return robots (n, 4) at the origin and other cars (n, cars, 3), drawn evenly over the table's states with
-    ε < V <= ε + band; with several cars n may be below what was asked for, where a robot's state allows no such pair.
+    """Return robots (n, 4) at the origin, or anywhere along an S, and other cars (n, cars, 3), drawn evenly over the
+    table's states with ε < V <= ε + band; with several cars n may be below what was asked for, where a robot's state
+    allows no such pair.
     """
     found = np.empty((settings.rollouts, settings.cars, 5))
     pending = np.arange(settings.rollouts)
@@ -208,6 +211,10 @@ def _starts(
     robots = np.zeros((len(found), 4))
     robots[:, 2:4] = found[:, 0, 2:4]
     others = np.stack([-found[:, :, 0], -found[:, :, 1], found[:, :, 4]], axis=2)
+    if settings.half_wave < math.inf:  # anywhere in the S
+        start = generator.uniform(0.0, 2.0 * settings.half_wave, len(found))
+        robots[:, 0] += start
+        others[:, :, 0] += start[:, np.newaxis]
     return robots, others
 
 
@@ -217,6 +224,7 @@ class _Judged(NamedTuple):
     fall: np.ndarray  # (n,) m, of the least V below ε
     collided: int
     collided_unturned: int
+    collided_in_world: int
     causes: np.ndarray  # (entered,) int, index into CAUSES
     in_k: int  # steps with cars in K
     unmet: int
@@ -232,7 +240,7 @@ def _simulate_and_judge(
     escapes: np.ndarray,
 ) -> _Judged:
     count, samples = len(robots), round(settings.duration / settings.step)
-    states = np.empty((count, samples + 1, settings.cars, 5), np.float32)
+    written = np.empty((count, samples + 1, settings.cars, 7), np.float32)
     values = np.empty((count, samples + 1, settings.cars), np.float32)
     slack = np.empty((count, samples), np.float32)
     private = game._replace(driver=game.driver.copy())  # the kernel writes a driver's speed into it
@@ -244,10 +252,12 @@ def _simulate_and_judge(
         robots.copy(),
         others.copy(),
         random,
-        states,
+        written,
         values,
         slack,
     )
+    states, places = written[..., :5], written[..., 5:].astype(float)
+    overlap = where_bodies_overlap_in_world(game, states.reshape(-1, 5).astype(float), places.reshape(-1, 2))
     target = table.target_values(states.reshape(-1, 5)).reshape(values.shape)
     inside = target <= 0.0
     causes = []
@@ -259,6 +269,7 @@ def _simulate_and_judge(
         fall=np.maximum(game.epsilon - values.min(axis=(1, 2)), 0.0),
         collided=_collided(states, game),
         collided_unturned=_collided(states * [1, 1, 0, 1, 1], game),
+        collided_in_world=int(overlap.reshape(count, -1).any(axis=1).sum()),
         causes=np.array(causes, dtype=int),
         in_k=int(in_k.sum()),
         unmet=int((slack[in_k] > 1e-6).sum()),
@@ -303,6 +314,7 @@ def _report(settings: RolloutSettings, epsilon: float, without_escape: int, part
         entered=len(causes),
         collided=sum(part.collided for part in parts),
         collided_unturned=sum(part.collided_unturned for part in parts),
+        collided_in_world=sum(part.collided_in_world for part in parts),
         fall_median=float(np.median(fall)),
         fall_p99=float(np.quantile(fall, 0.99)),
         fall_p999=float(np.quantile(fall, 0.999)),

@@ -6,7 +6,7 @@ from numba import njit
 from hj_cosim.control.problem.nearest_control import RowsDecision
 from hj_cosim.reachability.table.lookup import value_at
 from hj_cosim.reachability.table.size_classes import class_of, offsets_in_class
-from hj_cosim.reachability.table.stack import TableStack, table_in
+from hj_cosim.reachability.table.stack import TableStack, grid_in
 from hj_cosim.scene.observation import Cars, Observation
 
 
@@ -20,8 +20,8 @@ def _values_of(stack: TableStack, robot: np.ndarray, wanted: np.ndarray, cars: C
                 length, width = cars.length[j], cars.width[j]
                 kind = class_of(numbers, length, width)
                 p_x, p_y = offsets_in_class(numbers, kind, robot[0] - cars.x[j], robot[1] - cars.y[j], length, width)
-                table = table_in(stack.flat, numbers, kind)
-                values[k] = value_at(table, p_x, p_y, robot[2], robot[3], cars.speed[j])
+                grid = grid_in(numbers, kind)
+                values[k] = value_at(stack.flat, grid, p_x, p_y, robot[2], robot[3], cars.speed[j])
                 break
     return values
 

@@ -1,5 +1,8 @@
 """Drives on bends, drawn where they are."""
 
+import base64
+import json
+
 import numpy as np
 import pytest
 from bent_roads import WIDTH, circle
@@ -10,9 +13,11 @@ from hj_cosim.analysis.figures.style import PAGE
 from hj_cosim.analysis.replay import AHEAD, HEADER, FrameArtist
 from hj_cosim.analysis.replay import BEHIND as SHOWN_BEHIND
 from hj_cosim.analysis.replay import WIDTH as PIXELS
+from hj_cosim.analysis.replay_data import EVERY, replay_data
 from hj_cosim.analysis.view import View, height_of, stretches
 from hj_cosim.recording.run_folder import Run
 from hj_cosim.scene.road import StraightRoad
+from hj_cosim.settings import TrackingSettings
 
 
 @pytest.fixture
@@ -90,3 +95,21 @@ def test_frames_show_the_robot_at_its_place_and_the_asphalt_where_the_road_bends
     beside = frame[round(HEADER + (top - 0.3 * WIDTH) * scale), round((90.0 + SHOWN_BEHIND) * scale)]
     assert beside.tolist() == [255, 255, 255]  # where a straight road would be
     assert 225 < pixel(95.0, -1.2).min() < 250  # asphalt
+
+
+def test_the_page_has_the_bends_line_and_lanes_and_a_straight_roads_page_has_none(run, make_record, table):
+    bend = replay_data(run.record, table, TrackingSettings())["bend"]
+    x, y, heading = (np.frombuffer(base64.b64decode(bend[name]["data"]), "<f4") for name in ("x", "y", "heading"))
+    radius = 300.0 + 2 * WIDTH  # d = 0 is the right lane's
+    along = bend["start"] + EVERY * np.arange(len(x))
+    assert bend["start"] < run.record.robot.x.min() - 120.0
+    assert along[-1] > run.record.robot.x.max() + 120.0
+    on_road = along > 0.0
+    np.testing.assert_allclose(heading[on_road], along[on_road] / 300.0, atol=1e-3)
+    turned = np.unwrap(np.arctan2(*np.diff(np.stack([y, x]), axis=1)))
+    np.testing.assert_allclose(np.hypot(np.diff(x), np.diff(y))[on_road[:-1]], EVERY * radius / 300.0, atol=2e-3)
+    np.testing.assert_allclose(np.diff(turned)[on_road[:-2]], EVERY / 300.0, atol=2e-3)
+    assert [each[2:] for each in bend["stretches"]] == [[-0.5 * WIDTH, 3]]
+    assert bend["high"] - bend["low"] > 3 * WIDTH + 14.0  # 100 m ahead it has gone 16 m aside
+    straight = replay_data(make_record(samples=20), table, TrackingSettings())
+    assert "bend" not in json.loads(json.dumps(straight))

@@ -9,7 +9,6 @@ import sumolib.xml
 
 from hj_cosim.analysis.export import export_run
 from hj_cosim.errors import OutputError, RunFolderError
-from hj_cosim.recording import run_folder
 from hj_cosim.recording.run_folder import write_run
 from hj_cosim.scene.road import StraightRoad
 
@@ -20,7 +19,7 @@ CONFIG = '[scenario]\nname = "synthetic"\n[scenario.network]\nedge = "high & way
 @pytest.fixture
 def run(tmp_path, make_record, monkeypatch):
     """Return the folder of a run on a turned road, in many row groups."""
-    monkeypatch.setattr(run_folder, "ROWS_PER_GROUP", 100)
+    monkeypatch.setattr("hj_cosim.recording.trajectories.ROWS_PER_GROUP", 100)
     road = StraightRoad(lane_count=4, origin_x=30.0, origin_y=-14.0, heading=0.25)
     write_run(tmp_path / "run", make_record(samples=90, road=road), CONFIG, {})
     return tmp_path / "run"

@@ -10,9 +10,11 @@ from matplotlib.text import Text
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, ROWS, SHARE, attack
-from hj_cosim.analysis.figures.gallery import FIGURES, draw_figure
+from hj_cosim.analysis.figures.catalogue import FIGURES
+from hj_cosim.analysis.figures.gallery import draw_figure, function_of
 from hj_cosim.analysis.figures.side_by_side import side_by_side
 from hj_cosim.analysis.figures.sweep import PANELS, density_sweep, sweep
+from hj_cosim.analysis.figures.target_sets import TABLE, target_sets
 from hj_cosim.analysis.figures.timeline import timeline
 from hj_cosim.analysis.figures.trade_off import METRICS_SHOWN, trade_off
 from hj_cosim.errors import OutputError
@@ -22,7 +24,7 @@ from hj_cosim.recording.run_folder import Run
 STACKS = [("hjop", "spc", "mi"), ("op", "rss", "sw"), ("op", "none", "-")]
 OF_RUNS = [name for name, kind in FIGURES.items() if kind.source == "run"]
 OF_TABLES = [name for name, kind in FIGURES.items() if kind.source == "table"]
-OF_STUDIES = ("trade-off", "sweep", "density-sweep", "attack")
+OF_STUDIES = ("trade-off", "sweep", "density-sweep", "attack", "target-sets")
 
 
 def _texts(figure: Figure) -> list[Text]:
@@ -46,7 +48,6 @@ def _check_print(drawing: style.Drawing, width: int) -> None:
     with temporary_folder() as folder:
         style.save_drawing(drawing, folder / "figure.csv")
     with style.house_style():  # on which depends how many ticks there are
-        figure.draw_without_rendering()
         texts = _texts(figure)
         boxes = {text: text.get_window_extent().padded(-0.5) for text in texts}
     assert figure.get_figwidth() * 25.4 == pytest.approx(width)
@@ -90,7 +91,7 @@ def test_a_figure_of_a_table_can_be_printed(name, width, table):
 @pytest.mark.parametrize("name", OF_RUNS)
 def test_a_figure_of_a_run_can_be_printed(name, width, run, table):
     kind = FIGURES[name]
-    _check_print(kind.draw(run, table, width=width) if kind.needs_table else kind.draw(run, width=width), width)
+    _check_print(function_of(kind)(*((run, table) if kind.needs_table else (run,)), width=width), width)
 
 
 @pytest.mark.parametrize("width", style.WIDTHS)
@@ -100,6 +101,8 @@ def test_figures_of_a_study_can_be_printed(width):
     _check_print(sweep(_study_table(scenario=["paper", "light"], **{"planner.gamma_r": [0.8, 0.9]}), width), width)
     _check_print(density_sweep(_study_table(scenario=["paper", "light"]), {"light": 6.0, "paper": 13.0}, width), width)
     _check_print(attack(_study_table(**{BEHAVIOUR: ["cut_in", "worst"], SHARE: [0.05, 0.2]}), width), width)
+    five = ["light", "paper", "dense", "rogues", "six_lanes"]
+    _check_print(target_sets(_study_table(scenario=five, **{TABLE: ["highway", "highway_ttc"]}), width), width)
     assert {name for name, kind in FIGURES.items() if kind.source == "study"} == set(OF_STUDIES)
 
 

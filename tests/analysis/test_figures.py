@@ -1,3 +1,5 @@
+import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -6,14 +8,16 @@ import pytest
 from PIL import Image
 
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
+from hj_cosim.analysis.figures.catalogue import FIGURES
 from hj_cosim.analysis.figures.control_sets import control_sets
-from hj_cosim.analysis.figures.gallery import FIGURES, draw_figure
+from hj_cosim.analysis.figures.gallery import draw_figure
 from hj_cosim.analysis.figures.highway import highway
 from hj_cosim.analysis.figures.planner_comparison import SQUEEZE, planner_comparison
 from hj_cosim.analysis.figures.schematic import BOXED_IN, boxed_in
 from hj_cosim.analysis.figures.snapshots import SNAPSHOTS, snapshots
-from hj_cosim.analysis.figures.style import save_drawing
+from hj_cosim.analysis.figures.style import Drawing, columns_of, save_drawing
 from hj_cosim.analysis.figures.sweep import density_sweep
+from hj_cosim.analysis.figures.target_sets import target_sets
 from hj_cosim.analysis.figures.timeline import timeline
 from hj_cosim.analysis.figures.trade_off import trade_off
 from hj_cosim.analysis.figures.value_along_drive import value_along_drive
@@ -37,12 +41,38 @@ def test_the_timeline_holds_the_record(run):
     np.testing.assert_array_equal(data.lane_position * 4.0, run.record.robot.y)
 
 
+def test_the_data_of_a_figure_are_read_back_from_its_csv_digit_for_digit(run, tmp_path):
+    drawing = timeline(run)
+    run.record.threats.ttc[3], run.record.robot.value[4] = np.nan, np.inf
+    save_drawing(drawing, tmp_path / "timeline.csv")
+    with (tmp_path / "timeline.csv").open(newline="") as file:
+        written = list(csv.DictReader(file))
+    assert list(written[0]) == list(drawing.data)
+    for name in ("time", "speed", "value", "ttc", "plan_lane"):
+        np.testing.assert_array_equal([float(row[name] or "nan") for row in written], drawing.data[name])
+    assert [row["intervening"] == "True" for row in written] == drawing.data.intervening.tolist()
+    rows = [{"name": "a, b", "value": 1.0}, {"name": 'c"d'}]
+    save_drawing(Drawing(drawing.figure, columns_of(rows)), tmp_path / "rows.csv")
+    assert (tmp_path / "rows.csv").read_text() == 'name,value\n"a, b",1.0\n"c""d",\n'
+
+
 def test_the_snapshots_span_the_drive_and_show_only_cars_in_view(run):
     data = snapshots(run).data
     assert data.time.nunique() == SNAPSHOTS
     assert (data.time.min(), data.time.max()) == (0.0, run.record.time[-1])
     robot = data[data.vehicle == "robot"].set_index("time").x
     assert (np.abs(data.x - data.time.map(robot)) < 115.0).all()
+
+
+def test_snapshots_ring_each_car_as_opaquely_as_its_driver_is_believed_to_mean_harm(run):
+    belief = np.full(run.record.traffic.x.shape, 0.25)
+    drawn = snapshots(replace(run, record=replace(run.record, belief=belief))).figure.axes[0]
+    rings = [
+        found for found in drawn.collections if (found.get_edgecolor()[:, 3] == 0.25).all() and len(found.get_paths())
+    ]
+    assert len(rings) == 1
+    assert len(rings[0].get_paths()) == (snapshots(run).data.query("time == 0 and vehicle != 'robot'").shape[0])
+    assert all(len(found.get_edgecolor()) <= 1 for found in snapshots(run).figure.axes[0].collections)
 
 
 def test_the_highway_shows_the_moment_of_the_least_value(run, table):
@@ -163,6 +193,23 @@ def test_the_attack_has_a_column_of_panels_for_each_behaviour_and_shares_in_orde
         assert len(lines) == len(STACKS)
         assert all(line.get_xdata().tolist() == [5.0, 20.0] for line in lines)
     assert len(drawing.data) == len(table)
+
+
+def test_target_sets_have_a_panel_for_each_traffic_and_every_table_in_each():
+    table = pd.DataFrame(
+        {"scenario": scenario, "table": name, "planner": "hjop", "filter": "spc", "scheme": "mi"}
+        | {f"mean_speed{end}": 20.0 + place for end, place in (("", 0.0), ("_lo", -1.0), ("_hi", 2.0))}
+        | {f"ttc_2d_p1{end}": 4.0 + place for end, place in (("", 0.0), ("_lo", -0.5), ("_hi", 0.5))}
+        for scenario in ("light", "jam")
+        for name in ("highway", "highway_ttc")
+    )
+    drawing = target_sets(table)
+    light, jam = drawing.figure.axes
+    assert [axes.get_title(loc="left") for axes in (light, jam)] == ["light", "jam"]
+    assert light.get_legend_handles_labels()[1] == ["highway", "highway_ttc"]
+    bars = light.containers[0].lines[2]
+    assert [bar.get_segments()[0].tolist() for bar in bars] == [[[19.0, 4.0], [22.0, 4.0]], [[20.0, 3.5], [20.0, 4.5]]]
+    assert drawing.data.shape == (4, 8)
 
 
 def test_a_drawing_is_saved_as_raster_vector_and_table_and_the_same_each_time(run, tmp_path):

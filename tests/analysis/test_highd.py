@@ -12,7 +12,6 @@ import pytest
 from hj_cosim.analysis.export import export_files, export_run
 from hj_cosim.analysis.highd_neighbours import NEIGHBOURS, neighbours
 from hj_cosim.errors import OutputError
-from hj_cosim.recording import run_folder
 from hj_cosim.recording.run_folder import write_run
 from hj_cosim.scene.road import StraightRoad
 
@@ -41,7 +40,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 @pytest.fixture
 def run(tmp_path, make_record, monkeypatch) -> Path:
     """Return a run in many row groups: a truck, a car that goes and comes back, and lane changes."""
-    monkeypatch.setattr(run_folder, "ROWS_PER_GROUP", 100)
+    monkeypatch.setattr("hj_cosim.recording.trajectories.ROWS_PER_GROUP", 100)
     record = make_record(samples=90, cars=20, road=StraightRoad(lane_count=LANES, lane_width=WIDTH, length=2000.0))
     traffic = record.traffic
     traffic.length[3], traffic.width[3] = 12.0, 2.5

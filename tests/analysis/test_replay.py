@@ -1,3 +1,4 @@
+import base64
 import math
 import sys
 from dataclasses import replace
@@ -74,6 +75,33 @@ def test_cars_are_drawn_at_their_places_in_the_colours_of_their_values(run, tabl
             pixel(record.traffic.x[sample, car], record.traffic.y[sample, car]), expected, atol=2
         )
     np.testing.assert_array_equal(frame[2, 2], [0xF0, 0xE4, 0x42])  # the filter intervenes
+
+
+def test_a_ring_around_a_car_is_as_dark_as_its_driver_is_believed_to_mean_harm(run, table):
+    record, sample = run.record, 60
+    belief = np.full(record.traffic.x.shape, np.nan)
+    near = np.flatnonzero(
+        record.traffic.present[sample] & (np.abs(record.traffic.x[sample] - record.robot.x[sample]) < 40)
+    )
+    dark = {}
+    for likely in (np.nan, 0.2, 0.9):
+        belief[sample, near] = likely
+        frame = np.asarray(FrameArtist(replace(run, record=replace(record, belief=belief)), table).frame(sample))
+        dark[likely] = frame[HEADER:].sum(dtype=np.int64)
+    plain = np.asarray(FrameArtist(run, table).frame(sample))[HEADER:].sum(dtype=np.int64)
+    assert dark[0.9] < dark[0.2] < plain
+    assert dark[np.nan] == plain
+
+
+def test_the_page_gets_what_is_believed_of_each_car_that_it_shows(run, table):
+    record = run.record
+    belief = np.random.default_rng(0).uniform(size=record.traffic.x.shape)
+    page = replay_data(replace(record, belief=belief), table, TrackingSettings())
+    encoded = np.frombuffer(base64.b64decode(page["cars"]["belief"]["data"]), "<f4")
+    vehicle = np.frombuffer(base64.b64decode(page["cars"]["vehicle"]["data"]), "<u4")
+    start = np.frombuffer(base64.b64decode(page["cars"]["start"]["data"]), "<u4")
+    assert encoded[start[60] : start[61]] == pytest.approx(belief[60, vehicle[start[60] : start[61]]])
+    assert "belief" not in replay_data(record, table, TrackingSettings())["cars"]
 
 
 def test_the_plan_leads_to_the_planned_lane_and_speed(run):

@@ -6,6 +6,7 @@ Measured at the commit that brought it, on one of two busy cores: 11.6 ms (media
 import time
 
 import numpy as np
+import pytest
 
 from hj_cosim import load_table
 from hj_cosim.planning.mppi.planner import MppiPlanner
@@ -29,10 +30,11 @@ def crowded() -> Observation:
     )  # fmt: skip
 
 
-def test_a_plan_among_a_hundred_cars_takes_less_than_twenty_milliseconds(capsys):
+@pytest.mark.parametrize("shielded", [False, True])
+def test_a_plan_among_a_hundred_cars_takes_less_than_twenty_milliseconds(capsys, shielded):
     planner = MppiPlanner(
         PlannerSettings(),
-        MppiPlanner.Options(),
+        MppiPlanner.Options(shielded=shielded),
         RobotSettings(),
         DriverSettings(),
         StraightRoad(4),
@@ -41,10 +43,10 @@ def test_a_plan_among_a_hundred_cars_takes_less_than_twenty_milliseconds(capsys)
     scene, seconds = crowded(), []
     planner.prepare(scene)
     for _ in range(PLANS):
-        started = time.perf_counter()
+        started = time.process_time()
         planner.plan(scene, Target(1, 22.0))
-        seconds.append(time.perf_counter() - started)
+        seconds.append(time.process_time() - started)
     median, high = 1e3 * np.quantile(seconds, [0.5, 0.95])
     with capsys.disabled():
-        print(f"\nmppi, {CARS} cars: {median:.1f} ms (median), {high:.1f} ms (95 %)")
+        print(f"\nmppi, shielded {shielded}, {CARS} cars: {median:.1f} ms (median), {high:.1f} ms (95 %)")
     assert median < MOST

@@ -14,6 +14,7 @@ from hj_cosim.watching.server import WatchServer
 STUDY = {
     "scenarios": ["light"], "episodes": 2, "seed": 7, "preset": "paper", "stacks": ["hjop-spc-mi", "op-none"],
     "vary": ["planner.gamma_r=0.8,0.9"], "settings": ["filter.epsilon=3", "simulation.duration=20"], "keep": "robot",
+    "traffic": "theirs",
 }  # fmt: skip
 # Of each option that says which study it is: the same that the study has, others, and the field that has both values.
 SAME_AND_OTHERS = {
@@ -38,6 +39,7 @@ SAME_AND_OTHERS = {
         "set",
     ),
     "keep": ([["--keep", "robot"]], [["--keep", "all"]], "keep"),
+    "traffic": ([["--traffic", "theirs"]], [["--traffic", "idm-mobil"]], "traffic"),
 }
 # Options that say how it is driven or shown, not which study it is, with values that a finished study has no use for.
 HOW = {

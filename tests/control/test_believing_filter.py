@@ -94,6 +94,17 @@ def test_belief_of_a_car_can_be_asked_for(table, lower_table):
     assert believing.belief(observation)[0] > 0.8
 
 
+def test_what_it_believes_goes_with_the_decision_and_of_spc_nothing_does(table, lower_table):
+    plain, believing = both(table)
+    cars = [(30.0, 0.0, 0.0, 20.0), (-40.0, LANE, 0.0, 20.0)]
+    for seconds in (0.0, 6.0):  # nobody is suspected yet, and then
+        observation, decision = asked(believing, table, cars, [-6.0, 0.0], seconds)
+        assert decision.belief.tolist() == believing.belief(observation).tolist()
+        assert 0.0 < decision.belief[1] < 0.8
+    assert decision.belief[0] > 0.8
+    assert asked(plain, table, cars, [-6.0, 0.0], 0.0)[1].belief is None
+
+
 def test_priority_by_belief_without_spc_is_refused(table):
     with pytest.raises(ConfigurationError, match=r"priority.*spc.*rss"):
         make_filter(FilterSettings(kind="rss", priority="belief"), RobotSettings(), ROAD, table, 0.02)

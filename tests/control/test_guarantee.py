@@ -1,11 +1,19 @@
 import dataclasses
 import math
 
+import numpy as np
 import pytest
+from bent_roads import WIDTH, circle
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.settings import FilterSettings, RobotSettings
-from hj_cosim.verification.filter_games import bent
+from hj_cosim.verification.filter_games import (
+    bent,
+    curvature_at,
+    where_bodies_overlap,
+    where_bodies_overlap_in_world,
+    world_pose,
+)
 from hj_cosim.verification.guarantee import CAUSES, RolloutSettings, game_of, measure_guarantee
 
 FEW = RolloutSettings(rollouts=60, duration=2.0, seed=1)
@@ -65,6 +73,51 @@ def test_who_goes_round_a_bend_is_as_far_along_the_road_as_the_circle_says(table
     assert s == pytest.approx(2.0 * math.pi * 300.0 if half_wave == math.inf else length, rel=1e-3)
     straight = game_of(table, FEW, FilterSettings(), RobotSettings())
     assert bent(straight, 3.0, 3.7, lateral) == 3.7
+
+
+def test_an_s_goes_from_one_bend_to_the_other_by_clothoids(table):
+    game = game_of(
+        table, dataclasses.replace(FEW, curvature=1.0 / 300.0, half_wave=200.0), FilterSettings(), RobotSettings()
+    )
+    at = [curvature_at(game, along) * 300.0 for along in (0.0, 50.0, 100.0, 150.0, 200.0, 300.0, 400.0, -50.0)]
+    assert at == pytest.approx([1.0, 0.5, 0.0, -0.5, -1.0, 0.0, 1.0, 0.5], abs=1e-12)  # in s, curvature is straight
+
+
+@pytest.mark.parametrize("radius", [300.0, -300.0])
+def test_the_robot_seen_from_another_car_is_where_a_road_of_that_radius_has_it(radius):
+    road = circle(radius)  # its curve is d = 2 WIDTH
+    for ahead, lateral, other, theta in [(40.0, 3.0, -1.0, 0.1), (-60.0, -2.0, 4.0, -0.2), (4.0, 1.0, 3.5, 0.0)]:
+        x, y, heading = road.to_world(500.0 + ahead, 2.0 * WIDTH + lateral, theta)
+        from_x, from_y, direction = road.to_world(500.0, 2.0 * WIDTH + other, 0.0)
+        cos, sin = math.cos(direction), math.sin(direction)
+        expected = (
+            (x - from_x) * cos + (y - from_y) * sin,
+            (y - from_y) * cos - (x - from_x) * sin,
+            math.remainder(heading - direction, math.tau),
+        )
+        assert world_pose(1.0 / radius, ahead, lateral, other, theta) == pytest.approx(expected, abs=2e-3)
+    assert world_pose(0.0, 40.0, 3.0, -1.0, 0.1) == (40.0, 4.0, 0.1)
+
+
+def test_bodies_overlap_in_the_world_as_on_a_straight_road_but_for_what_the_bend_turns_them(table):
+    random = np.random.default_rng(0)
+    states = random.uniform((-7.0, -3.5, -0.2, 0.0, 0.0), (7.0, 3.5, 0.2, 40.0, 40.0), (4000, 5))
+    places = np.column_stack([random.uniform(0.0, 500.0, 4000), random.uniform(-8.0, 8.0, 4000)])
+    straight, bend = (
+        where_bodies_overlap_in_world(
+            game_of(table, dataclasses.replace(FEW, curvature=curvature), FilterSettings(), RobotSettings()),
+            states,
+            places,
+        )
+        for curvature in (0.0, 1.0 / 300.0)
+    )
+    in_road_frame = where_bodies_overlap(states, 5.0, 2.0)
+    assert straight.tolist() == in_road_frame.tolist()
+    differ = np.flatnonzero(bend != straight)
+    assert 0 < len(differ) < 0.05 * len(states)
+    # A metre of s is up to 3 % longer or shorter here, and 7 m ahead the road has gone 8 cm aside.
+    clear = where_bodies_overlap(states, 5.6, 2.6) == where_bodies_overlap(states, 4.4, 1.4)
+    assert not clear[differ].any()
 
 
 def test_on_a_gentle_bend_v_falls_hardly_further(safe_table):

@@ -61,7 +61,7 @@ def test_spc_s_rows_are_the_table_s_gradient_and_worst_drift(table, observe):
     seen = observe([0.0, 4.0, 0.02, 26.0], [[300.0, 4.0, 0.0, 22.0], [27.0, 4.0, 0.0, 22.0]])
     rows = filter_of(table, kind="spc").filter(seen, CRUISE).rows
     gradient = np.empty(5)
-    value = value_and_gradient_at(table.arrays, -27.0, 0.0, 0.02, 26.0, 22.0, gradient)
+    value = value_and_gradient_at(*table.arrays, -27.0, 0.0, 0.02, 26.0, 22.0, gradient)
     assert rows.vehicle.tolist() == [1]
     drift = worst_drift(gradient, np.array([-27.0, 0.0, 0.02, 26.0, 22.0]), Disturbance.of_game(table.parameters))
     np.testing.assert_allclose([rows.value[0], rows.p[0], rows.q[0], rows.c[0]], [value, *gradient[2:4], drift])

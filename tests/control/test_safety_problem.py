@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
+from hj_cosim.control.problem.enumeration import ENUMERATION
 from hj_cosim.control.problem.safety_problem import (
-    ENUMERATION,
     NOT_NEEDED,
     SafetyRows,
     SafetySolver,

@@ -103,3 +103,45 @@ def test_a_scenario_may_have_a_simulation_beside_it(theirs):
     scenario.write_text('[own]\nfile = "other.sumocfg"\n')
     with pytest.raises(ConfigurationError, match=r"'other\.sumocfg': there is no such \.sumocfg"):
         resolve_config(scenario)
+
+
+def test_near_is_recorded_unless_all_is_asked_for_and_the_robot_drives_the_same(
+    call, theirs, small_specification, tmp_path
+):
+    options = ("--duration", 3, "--table", small_specification, "--no-figures", *WARM_UP)
+    options += ("--planner", "idle", "--filter", "none", "--set", "scenario.own.near=60")
+    runs = {}
+    for name, more in (("usual", ()), ("near", ("--record", "near")), ("all", ("--record", "all"))):
+        status, _, told = call("run", theirs, *options, *more, "--out", tmp_path / name)
+        assert status == 0, told
+        runs[name] = read_run(tmp_path / name)
+    assert [run.config["recording"]["cars"] for run in runs.values()] == ["near", "near", "all"]
+    for file in ("trajectories.parquet", "robot.parquet", "config.toml", "summary.json"):
+        assert (tmp_path / "usual" / file).read_bytes() == (tmp_path / "near" / file).read_bytes()
+    near, everybody = runs["near"].trajectories, runs["all"].trajectories
+    assert len(everybody) > len(near)
+    both = [frame[frame["vehicle"] == "robot"].drop(columns="vehicle") for frame in (near, everybody)]
+    pd.testing.assert_frame_equal(*(frame.reset_index(drop=True) for frame in both))
+    keys = ["time", "vehicle"]
+    frames = [frame.assign(vehicle=frame["vehicle"].astype(str)).set_index(keys) for frame in (near, everybody)]
+    pd.testing.assert_frame_equal(frames[0], frames[1].loc[frames[0].index])
+
+
+def test_our_drivers_are_refused_where_they_drive_already(call, small_specification, tmp_path):
+    status, out, told = call("run", "light", "--traffic", "idm-mobil", "--out", tmp_path / "run")
+    assert (status, out) == (2, "")
+    said = " ".join(told.split())
+    assert "scenario.own.traffic = 'idm-mobil' (--traffic) is about a user's own .sumocfg" in said
+    assert "IDM and MOBIL already, so leave it out" in said
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_drive_among_our_drivers_says_so_and_knows_them(call, theirs, small_specification, tmp_path):
+    options = ("--duration", 2, "--table", small_specification, "--no-figures", *WARM_UP)
+    status, _, told = call("run", theirs, *options, "--traffic", "idm-mobil", "--out", tmp_path / "run")
+    assert status == 0, told
+    assert "their drivers -> IDM and MOBIL" in told
+    drivers = pd.read_parquet(tmp_path / "run" / "drivers.parquet")
+    assert drivers.drop(columns="vehicle").notna().all().all()
+    assert 1.0 < drivers["time_headway"].mean() < 2.0
+    assert read_run(tmp_path / "run").config["scenario"]["own"]["traffic"] == "idm-mobil"

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hj_cosim.metrics.rectangles import time_to_overlap
 from hj_cosim.metrics.threats import collides, threat_track
 from hj_cosim.recording.record import RobotTrack, TrafficTrack
 
@@ -101,3 +102,28 @@ def test_collision_at_an_instant_equals_the_track(make_record):
         )
     assert 0 < np.count_nonzero(record.threats.collision) < len(record.time)
     assert np.all(record.threats.min_gap[record.threats.collision] == 0.0)
+
+
+def test_the_time_to_overlap_is_the_least_of_all_cars_in_any_order():
+    draw = np.random.default_rng(7)
+    samples, cars = 60, 12
+    sizes = np.full(cars, 5.0), np.full(cars, 2.0)
+    robot, traffic = RobotTrack.empty(samples), TrafficTrack.empty(tuple(map(str, range(cars))), *sizes, samples)
+    robot.y[:], robot.speed[:] = 4.0, 25.0
+    traffic.x[:] = draw.uniform(-150.0, 150.0, (samples, cars))
+    traffic.y[:], traffic.speed[:] = draw.uniform(2.5, 5.5, (samples, cars)), draw.uniform(5.0, 45.0, (samples, cars))
+    traffic.heading[:] = draw.normal(0.0, 0.02, (samples, cars))
+    traffic.present[:] = draw.random((samples, cars)) < 0.8
+    found = threat_track(robot, traffic, 5.0, 2.0)
+    for t in range(samples):
+        each = [
+            time_to_overlap(
+                traffic.x[t, j], traffic.y[t, j] - 4.0,
+                traffic.speed[t, j] * np.cos(traffic.heading[t, j]) - 25.0,
+                traffic.speed[t, j] * np.sin(traffic.heading[t, j]),
+                0.0, 5.0, 2.0, traffic.heading[t, j], 5.0, 2.0,
+            )
+            for j in np.flatnonzero(traffic.present[t])
+        ]  # fmt: skip
+        assert found.ttc_2d[t] == min(each, default=np.inf)
+    assert np.isfinite(found.ttc_2d).sum() > 30

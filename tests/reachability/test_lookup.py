@@ -4,9 +4,10 @@ from scipy.interpolate import RegularGridInterpolator
 
 from hj_cosim.reachability.games.highway import game as highway
 from hj_cosim.reachability.games.highway.target import TargetFormula, target_and_gradient_at, target_at
-from hj_cosim.reachability.table.lookup import TableArrays, value_and_gradient_at, value_at, values_and_gradients
+from hj_cosim.reachability.table.lookup import value_and_gradient_at, value_at, values_and_gradients
 from hj_cosim.reachability.table.store import solve_table
 from hj_cosim.reachability.table.table import ValueTable
+from hj_cosim.reachability.table.table_arrays import TableArrays, TableGrid
 from hj_cosim.settings import TableSpecification
 
 AXES = (
@@ -23,9 +24,9 @@ HIGH = np.array([axis[-1] for axis in AXES])
 def arrays_of(values: np.ndarray) -> TableArrays:
     """Return the arrays of another game than the highway's, whose V is interpolated itself."""
     deficit = np.ascontiguousarray(-values, np.float32)
-    return TableArrays(
-        deficit,
-        deficit.reshape(-1),
+    grid = TableGrid(
+        0,
+        deficit.shape,
         tuple(float(axis[0]) for axis in AXES),  # type: ignore[arg-type]
         tuple(float(axis[-1]) for axis in AXES),  # type: ignore[arg-type]
         tuple(float(1.0 / (axis[1] - axis[0])) for axis in AXES),  # type: ignore[arg-type]
@@ -33,6 +34,7 @@ def arrays_of(values: np.ndarray) -> TableArrays:
         TargetFormula(*[0.0] * 11),
         has_target=False,
     )
+    return TableArrays(deficit.reshape(-1), grid)
 
 
 @pytest.fixture(scope="module")
@@ -42,23 +44,23 @@ def rough() -> TableArrays:
 
 def test_values_are_those_of_scipy(rough: TableArrays) -> None:
     states = np.random.default_rng(4).uniform(LOW, HIGH, (500, 5))
-    expected = RegularGridInterpolator(AXES, -rough.deficit.astype(np.float64))(states)
-    values, _ = values_and_gradients(rough, states)
+    expected = RegularGridInterpolator(AXES, -rough.flat.reshape(rough.grid.shape).astype(np.float64))(states)
+    values, _ = values_and_gradients(*rough, states)
     assert values == pytest.approx(expected, abs=1e-5)
-    assert [value_at(rough, *state) for state in states] == pytest.approx(expected, abs=1e-5)
+    assert [value_at(*rough, *state) for state in states] == pytest.approx(expected, abs=1e-5)
 
 
 def test_gradients_are_difference_quotients_of_values(rough: TableArrays) -> None:
     states = np.random.default_rng(5).uniform(LOW, HIGH, (200, 5))
     # Within a cell the value is linear in each coordinate: a difference over any part of the cell is exact.
-    index = np.floor((states - LOW) * rough.inverse_spacing)
-    low_end = LOW + (index + 0.1) / rough.inverse_spacing
-    high_end = LOW + (index + 0.9) / rough.inverse_spacing
-    _, gradients = values_and_gradients(rough, states)
+    index = np.floor((states - LOW) * rough.grid.inverse_spacing)
+    low_end = LOW + (index + 0.1) / rough.grid.inverse_spacing
+    high_end = LOW + (index + 0.9) / rough.grid.inverse_spacing
+    _, gradients = values_and_gradients(*rough, states)
     for axis in range(5):
         one, other = states.copy(), states.copy()
         one[:, axis], other[:, axis] = low_end[:, axis], high_end[:, axis]
-        rise = values_and_gradients(rough, other)[0] - values_and_gradients(rough, one)[0]
+        rise = values_and_gradients(*rough, other)[0] - values_and_gradients(*rough, one)[0]
         assert gradients[:, axis] == pytest.approx(rise / (other - one)[:, axis], rel=1e-3, abs=1e-3)
 
 
@@ -67,7 +69,7 @@ def test_a_linear_table_is_reproduced_exactly() -> None:
     mesh = np.meshgrid(*AXES, indexing="ij")
     table = arrays_of(sum(slope * coordinate for slope, coordinate in zip(slopes, mesh, strict=True)))
     states = np.random.default_rng(6).uniform(LOW, HIGH, (100, 5))
-    values, gradients = values_and_gradients(table, states)
+    values, gradients = values_and_gradients(*table, states)
     assert values == pytest.approx(states @ slopes, abs=1e-3)
     assert gradients == pytest.approx(np.tile(slopes, (100, 1)), rel=1e-4, abs=1e-3)
 
@@ -77,17 +79,17 @@ def test_a_linear_table_is_reproduced_exactly() -> None:
 )
 def test_a_car_beyond_the_grid_in_position_is_safe(rough: TableArrays, state: tuple[float, ...]) -> None:
     gradient = np.ones(5)
-    assert value_and_gradient_at(rough, *map(float, state), gradient) == np.inf
-    assert value_at(rough, *map(float, state)) == np.inf
+    assert value_and_gradient_at(*rough, *map(float, state), gradient) == np.inf
+    assert value_at(*rough, *map(float, state)) == np.inf
     assert (gradient == 0.0).all()
 
 
 def test_headings_and_speeds_beyond_the_grid_are_clamped_not_safe(rough: TableArrays) -> None:
-    assert value_at(rough, 3.0, 1.0, 0.4, 99.0, -5.0) == value_at(rough, 3.0, 1.0, 0.4, 40.0, 5.0)
-    assert value_at(rough, 3.0, 1.0, 0.4, 40.0, 5.0) > 0.0
+    assert value_at(*rough, 3.0, 1.0, 0.4, 99.0, -5.0) == value_at(*rough, 3.0, 1.0, 0.4, 40.0, 5.0)
+    assert value_at(*rough, 3.0, 1.0, 0.4, 40.0, 5.0) > 0.0
     for beyond in (0.401, 9.0, -0.401):
-        assert value_at(rough, 3.0, 1.0, beyond, 40.0, 5.0) <= 0.0
-    assert value_at(rough, 1e4, 1.0, 9.0, 40.0, 5.0) == np.inf  # a car that is far away is so however the robot heads
+        assert value_at(*rough, 3.0, 1.0, beyond, 40.0, 5.0) <= 0.0
+    assert value_at(*rough, 1e4, 1.0, 9.0, 40.0, 5.0) == np.inf  # a car that is far away is so however the robot heads
 
 
 def test_with_a_heading_beyond_the_table_no_state_of_the_game_is_called_safe(small_table: ValueTable) -> None:
@@ -95,16 +97,16 @@ def test_with_a_heading_beyond_the_table_no_state_of_the_game_is_called_safe(sma
     assert (small_table.value(states) > 0.0).mean() > 0.5
     for heading in (-0.45, 0.45):
         states[:, 2] = heading
-        values, _ = values_and_gradients(small_table.arrays, states)
+        values, _ = values_and_gradients(*small_table.arrays, states)
         assert (values <= 0.0).all()
-        one_by_one = [value_at(small_table.arrays, *state) for state in states]
+        one_by_one = [value_at(*small_table.arrays, *state) for state in states]
         np.testing.assert_allclose(values, one_by_one, rtol=1e-9, atol=1e-12)
 
 
 def test_the_very_faces_belong_to_the_grid(rough: TableArrays) -> None:
     for corner in (LOW, HIGH):
         node = tuple(0 if corner is LOW else -1 for _ in range(5))
-        assert value_at(rough, *corner) == pytest.approx(-float(rough.deficit[node]), abs=1e-6)
+        assert value_at(*rough, *corner) == pytest.approx(-float(rough.flat.reshape(rough.grid.shape)[node]), abs=1e-6)
 
 
 def states_in(table: ValueTable, seed: int, count: int = 2000, stretch: float = 1.0) -> np.ndarray:
@@ -133,7 +135,7 @@ def test_the_look_up_is_the_formula_less_what_scipy_makes_of_the_deficit(small_t
     expected = on_scale(small_table.target_values(states).astype(float))
     expected -= RegularGridInterpolator(small_table.grid.axes, deficit)(states)
     assert on_scale(small_table.value(states)) == pytest.approx(expected, abs=1e-4)
-    assert [value_at(small_table.arrays, *state) for state in states] == pytest.approx(small_table.value(states))
+    assert [value_at(*small_table.arrays, *state) for state in states] == pytest.approx(small_table.value(states))
 
 
 def test_a_sheared_grid_is_looked_up_where_its_braking_distances_say(sheared_table: ValueTable) -> None:
@@ -153,7 +155,7 @@ def test_on_a_sheared_grid_too_the_gradient_is_the_slope_of_the_look_up(sheared_
         sheared_table.draw_states(2000, np.random.default_rng(17)),
         1e-3 * np.array([8.0, 1.0, 0.1, 5.0, 5.0]),
     )
-    values, gradients = values_and_gradients(sheared_table.arrays, states)
+    values, gradients = values_and_gradients(*sheared_table.arrays, states)
     for axis in range(5):
         shift = steps[axis] * np.eye(5)[axis]
         ahead = (sheared_table.value(states + shift) - values) / steps[axis]
@@ -186,7 +188,7 @@ def test_at_the_nodes_the_look_up_is_the_table(small_table: ValueTable) -> None:
 
 def test_the_gradient_is_the_slope_of_the_look_up_away_from_its_kinks(small_table: ValueTable) -> None:
     states, steps = states_in(small_table, 10), 1e-3 * np.array(small_table.grid.spacing)
-    values, gradients = values_and_gradients(small_table.arrays, states)
+    values, gradients = values_and_gradients(*small_table.arrays, states)
     for axis in range(5):
         step = steps[axis]
         shift = step * np.eye(5)[axis]
@@ -204,7 +206,7 @@ def test_look_ups_are_finite_wherever_there_is_a_table(small_table: ValueTable) 
     states = states_in(small_table, 11, 20_000, stretch=1.2)
     generator = np.random.default_rng(12)
     states = np.where(generator.random(states.shape) < 0.3, generator.choice(special, states.shape), states)
-    values, gradients = values_and_gradients(small_table.arrays, states)
+    values, gradients = values_and_gradients(*small_table.arrays, states)
     lower, upper = np.array(small_table.grid.lower), np.array(small_table.grid.upper)
     inside = ((states >= lower) & (states <= upper))[:, 0] & (np.abs(states[:, 1]) <= 1e6)
     assert np.array_equal(np.isfinite(values), inside)
@@ -213,11 +215,11 @@ def test_look_ups_are_finite_wherever_there_is_a_table(small_table: ValueTable) 
 
 
 def test_beside_the_grid_v_is_what_the_formula_says_and_never_more(small_table: ValueTable) -> None:
-    target, edge = small_table.arrays.target, small_table.grid.upper[1]
+    target, edge = small_table.arrays.grid.target, small_table.grid.upper[1]
     draw = np.random.default_rng(13)
     for theta, v_r, v_o in zip(draw.uniform(-0.4, 0.4, 200), *draw.uniform(0.0, 40.0, (2, 200)), strict=True):
         beside = np.array([0.0, edge + 0.01, theta, v_r, v_o])
-        value, gradient = values_and_gradients(small_table.arrays, beside[None])
+        value, gradient = values_and_gradients(*small_table.arrays, beside[None])
         found = target_and_gradient_at(target, *beside)
         assert value[0] == found[0]
         assert gradient[0] == pytest.approx(found[1:])
@@ -263,6 +265,6 @@ def test_a_turned_body_has_its_slope_along_the_heading() -> None:
 
 def test_so_far_aside_that_no_cube_is_a_number_a_car_is_safe(small_table: ValueTable) -> None:
     for aside in (1e7, -1e154, 1e300):
-        values, gradients = values_and_gradients(small_table.arrays, np.array([[0.0, aside, 0.0, 20.0, 20.0]]))
-        assert values[0] == value_at(small_table.arrays, 0.0, aside, 0.0, 20.0, 20.0) == np.inf
+        values, gradients = values_and_gradients(*small_table.arrays, np.array([[0.0, aside, 0.0, 20.0, 20.0]]))
+        assert values[0] == value_at(*small_table.arrays, 0.0, aside, 0.0, 20.0, 20.0) == np.inf
         assert (gradients == 0.0).all()

@@ -5,7 +5,7 @@ from hj_cosim.reachability.games.highway.paths import game_from
 from hj_cosim.reachability.games.highway.target import formula_from
 from hj_cosim.reachability.packing import packed
 from hj_cosim.reachability.table.lookup import value_and_gradient_at
-from hj_cosim.reachability.table.stack import table_in
+from hj_cosim.reachability.table.stack import grid_in
 
 
 def numbered(kind: type, flags: tuple[str, ...] = ()):
@@ -18,7 +18,7 @@ def test_numbers_come_in_the_order_of_the_fields_and_arrays_are_left_out():
 
 
 def test_a_formula_an_assumption_and_a_game_come_back_as_they_were(small_table):
-    target, game = small_table.arrays.target, small_table.manoeuvres().game
+    target, game = small_table.arrays.grid.target, small_table.manoeuvres().game
     other = game.other
     formula = numbered(type(target))
     assumption = numbered(type(other), ("responsible",))
@@ -30,10 +30,10 @@ def test_a_formula_an_assumption_and_a_game_come_back_as_they_were(small_table):
 
 
 def test_a_table_comes_back_as_it_was(small_table):
-    again = table_in(*small_table.stack, 0)
-    for name, was in small_table.arrays._asdict().items():
-        assert np.array_equal(getattr(again, name), was), name
+    flat, numbers = small_table.stack
+    again = grid_in(numbers, 0)
+    assert again == small_table.arrays.grid
     one, other = np.empty(5), np.empty(5)
     state = (-20.0, 1.5, 0.05, 25.0, 20.0)
-    assert value_and_gradient_at(again, *state, one) == value_and_gradient_at(small_table.arrays, *state, other)
+    assert value_and_gradient_at(flat, again, *state, one) == value_and_gradient_at(*small_table.arrays, *state, other)
     assert np.array_equal(one, other)

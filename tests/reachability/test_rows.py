@@ -20,15 +20,15 @@ def states_in(table: ValueTable, seed: int, count: int) -> np.ndarray:
 
 def lesser(table: ValueTable, state: np.ndarray) -> float:
     gradient = np.empty(5)
-    value = value_and_gradient_at(table.arrays, *state, gradient)
-    return value_of_lesser_term(table.arrays.target, state, value, gradient)
+    value = value_and_gradient_at(*table.arrays, *state, gradient)
+    return value_of_lesser_term(table.arrays.grid.target, state, value, gradient)
 
 
 def test_what_may_be_kept_instead_of_v_is_nowhere_above_it_and_is_v_where_v_bends(small_table: ValueTable) -> None:
     bends = 0
     for state in states_in(small_table, 1, 1000):
         assert lesser(small_table, state) <= small_table.value(state[None])[0] + 1e-9
-        terms = terms_at(small_table.arrays.target, state[0], 7.0, 0.0, state[3], state[4])
+        terms = terms_at(small_table.arrays.grid.target, state[0], 7.0, 0.0, state[3], state[4])
         along = next(term.value for term in terms if term.by_x != 0.0)
         if along > 1.0:  # beside it at the distance at which the cubic is as much
             state[1], state[2] = 2.0 + 0.1225 + np.cbrt(along / 4.0), 0.0
@@ -41,8 +41,8 @@ def test_its_gradient_is_its_slope(small_table: ValueTable) -> None:
     agreed = []
     for state in states_in(small_table, 2, 400):
         gradient = np.empty(5)
-        value = value_and_gradient_at(small_table.arrays, *state, gradient)
-        value_of_lesser_term(small_table.arrays.target, state, value, gradient)
+        value = value_and_gradient_at(*small_table.arrays, *state, gradient)
+        value_of_lesser_term(small_table.arrays.grid.target, state, value, gradient)
         for axis, step in enumerate((1e-3, 1e-4, 1e-5, 1e-4, 1e-4)):
             shift = step * np.eye(5)[axis]
             rise = (lesser(small_table, state + shift) - lesser(small_table, state - shift)) / (2.0 * step)
@@ -57,8 +57,8 @@ def test_smooth_slopes_do_not_jump_between_cells_and_v_is_the_same(small_table: 
     for state in states_in(small_table, 3, 1500):
         for side, heading in enumerate((node - 1e-7, node + 1e-7)):
             at = (state[0], state[1], heading, state[3], state[4])
-            value = value_and_gradient_at(small_table.arrays, *at, plain[side])
-            assert smooth_gradient_at(small_table.arrays, *at, smooth[side]) == pytest.approx(value, abs=1e-4)
+            value = value_and_gradient_at(*small_table.arrays, *at, plain[side])
+            assert smooth_gradient_at(*small_table.arrays, *at, smooth[side]) == pytest.approx(value, abs=1e-4)
         jumps.append((abs(plain[1, 2] - plain[0, 2]), abs(smooth[1, 2] - smooth[0, 2])))
     plainly, smoothly = np.quantile(jumps, 0.95, axis=0)
     assert plainly > 20.0
@@ -68,8 +68,8 @@ def test_smooth_slopes_do_not_jump_between_cells_and_v_is_the_same(small_table: 
 def test_where_v_is_v_0_all_around_smooth_slopes_are_its_own(small_table: ValueTable) -> None:
     for state in states_in(small_table, 4, 500):
         plain, smooth = np.empty(5), np.empty(5)
-        value_and_gradient_at(small_table.arrays, *state, plain)
-        smooth_gradient_at(small_table.arrays, *state, smooth)
+        value_and_gradient_at(*small_table.arrays, *state, plain)
+        smooth_gradient_at(*small_table.arrays, *state, smooth)
         around = [state + 1.5 * sign * np.diag(small_table.grid.spacing)[axis] for axis in range(5) for sign in (-1, 1)]
         if all(small_table.value(np.array(around)) == small_table.target_values(np.array(around))):
             assert smooth == pytest.approx(plain)
@@ -98,6 +98,6 @@ def test_written_rows_are_about_v_first(small_table: ValueTable) -> None:
     other, row = Disturbance.of_game(small_table.parameters), np.empty(8)
     state = np.array([-40.0, 3.9, 0.0, 25.0, 22.0])
     value, gradient = small_table.value_and_gradient(state[None])
-    write_row(small_table.arrays.target, other, state, value[0], gradient[0], row)
+    write_row(small_table.arrays.grid.target, other, state, value[0], gradient[0], row)
     assert row[:3] == pytest.approx([value[0], *gradient[0, 2:4]])
     assert row[4] == pytest.approx(lesser(small_table, state))

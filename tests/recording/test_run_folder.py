@@ -7,7 +7,6 @@ import pytest
 from bent_roads import circle
 
 from hj_cosim.errors import RunFolderError
-from hj_cosim.recording import run_folder
 from hj_cosim.recording.run_folder import read_run, require_free_folder, write_run
 from hj_cosim.scene.road import StraightRoad
 from hj_cosim.scene.road_text import road_to_json
@@ -89,7 +88,7 @@ def test_a_run_reads_back_as_it_was_written(tmp_path, make_record):
 
 def test_many_row_groups_hold_the_same_rows_as_one(tmp_path, record, monkeypatch):
     write_run(tmp_path / "one", record, CONFIG, SUMMARY)
-    monkeypatch.setattr(run_folder, "ROWS_PER_GROUP", 100)
+    monkeypatch.setattr("hj_cosim.recording.trajectories.ROWS_PER_GROUP", 100)
     write_run(tmp_path / "many", record, CONFIG, SUMMARY)
 
     one, many = (pd.read_parquet(tmp_path / name / "trajectories.parquet") for name in ("one", "many"))
@@ -205,3 +204,23 @@ def test_who_means_harm_is_a_column_where_anybody_does(tmp_path, record):
 def test_nobody_means_harm_where_the_column_is_not_there(tmp_path, record):
     write_run(tmp_path / "none", record, CONFIG, SUMMARY)
     assert read_run(tmp_path / "none").record.rogues == {}
+
+
+def test_what_was_believed_of_each_driver_is_a_column_where_anybody_judged(tmp_path, record):
+    belief = np.random.default_rng(3).uniform(size=record.traffic.x.shape)
+    belief[:4] = np.nan  # nobody judged yet
+    write_run(tmp_path / "some", replace(record, belief=belief), CONFIG, SUMMARY)
+    rows = pd.read_parquet(tmp_path / "some" / "trajectories.parquet")
+    assert list(rows.columns) == [*TRAJECTORY_COLUMNS, "belief"]
+    assert rows[rows.vehicle == "robot"].belief.isna().all()
+    back, present = read_run(tmp_path / "some").record.belief, record.traffic.present
+    np.testing.assert_array_equal(back[present], belief[present])
+    assert np.isnan(back[~present]).all()
+    write_run(tmp_path / "none", record, CONFIG, SUMMARY)
+    assert read_run(tmp_path / "none").record.belief is None
+
+
+def test_a_belief_that_is_no_probability_is_refused(tmp_path, record):
+    write_run(tmp_path / "run", replace(record, belief=np.full(record.traffic.x.shape, 1.5)), CONFIG, SUMMARY)
+    with pytest.raises(RunFolderError, match="column belief has what is no probability"):
+        read_run(tmp_path / "run")

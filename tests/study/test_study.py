@@ -174,6 +174,7 @@ CONTRADICTIONS = {
     "vary": (("filter.epsilon=2,5",), r"vary = \[\], but vary = \['filter.epsilon=2,5'\]"),
     "set": (("filter.epsilon=5",), r"set = \[\], but set = \['filter.epsilon=5'\]"),
     "keep": ("robot", r"keep = 'all', but keep = 'robot'"),
+    "traffic": ("idm-mobil", r"traffic = 'theirs', but traffic = 'idm-mobil'"),
 }
 
 

@@ -347,3 +347,35 @@ def test_an_edge_of_theirs_makes_no_sense_beside_a_vehicle_or_in_a_scenario_of_o
         Scenario(name="mine", own=own, robot=RobotStart(edge="e0"))
     with pytest.raises(ValueError, match=r"robot\.edge is an edge of a user's own simulation"):
         Scenario(name="mine", robot=RobotStart(edge="e0"))
+
+
+def test_those_farther_away_are_there_to_be_recorded_and_change_nothing_that_is_seen(tmp_path):
+    configuration = simulation(tmp_path)
+    settings = OwnSimulationSettings(file=str(configuration), warm_up=30.0, near=100.0)
+    seen: dict[bool, list] = {}
+    far = set()
+    for looks_farther in (False, True):
+        seen[looks_farther] = []
+        with OwnWorld(
+            Scenario(name="mine", own=settings), RobotSettings(), 0, STEP, TRAFFIC_STEP, looks_farther=looks_farther
+        ) as world:
+            for _, after in drive(world, 300):
+                names = [world.vehicle_names[number] for number in after.vehicle]
+                order = np.argsort(names)
+                columns = (after.x, after.y, after.speed, after.acceleration, after.target_lane, after.length)
+                seen[looks_farther].append((sorted(names), [column[order].tolist() for column in columns]))
+                if not looks_farther:
+                    continue
+                everybody = world.everybody()
+                rows = {world.vehicle_names[number]: row for row, number in enumerate(everybody.vehicle)}
+                assert set(names) <= set(rows)
+                assert len(rows) == len(everybody.vehicle) > len(names)
+                far |= set(rows) - set(names)
+            # Independently: all that SUMO has on these two edges but the robot.
+            world.step(*follow_lane(after, robot_driver(DriverSettings(), 25.0), world.road, 5.0, STEP))
+            if looks_farther:
+                there = {name for name in libsumo.vehicle.getIDList() if name != ROBOT}
+                read = {world.vehicle_names[number] for number in world._surroundings._now.seen.number}
+                assert read == there
+    assert seen[False] == seen[True]
+    assert len(far) > 5

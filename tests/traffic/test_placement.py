@@ -142,6 +142,15 @@ def test_cars_placed_by_hand_start_as_written():
     assert start.drivers[1, DESIRED_SPEED] == 6.0
 
 
+def test_drawn_cars_leave_room_beside_those_placed_by_hand():
+    scenario = load_scenario("siege")
+    for seed in (*range(20), 1005, 1009):
+        start = initial_traffic(scenario, StraightRoad(4), RobotSettings(), seed)
+        for car in range(len(start.x) - len(scenario.cars), len(start.x)):
+            others = np.flatnonzero((start.lane == start.lane[car]) & (np.arange(len(start.x)) != car))
+            assert np.abs(start.x[others] - start.x[car]).min() > 10.0
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

@@ -12,11 +12,15 @@ import pytest
 from hj_cosim.errors import ConfigurationError, NetworkError
 from hj_cosim.locations import scenarios_folder
 from hj_cosim.settings import NetworkSettings, validate
-from hj_cosim.traffic.route import read_network, smooth_knots
+from hj_cosim.traffic.route import read_network
+from hj_cosim.traffic.smoothing import smooth_knots
 
 REAL = Path(os.environ.get("HJ_COSIM_REAL_NETWORKS", "no such folder"))
 CURVES = scenarios_folder() / "curves.net.xml"
 RAMPS = scenarios_folder() / "ramps.net.xml"
+
+
+CUT = 5.2  # m a radian of a corner in the lanes, by which the smooth road cuts it
 
 
 def read(path: Path, **network: object):
@@ -37,6 +41,32 @@ def deviations(road, lanes) -> tuple[np.ndarray, np.ndarray]:
                     across.append(abs(d - road.lane_centre(number, s)))
                     along.append(abs(s - expected))
     return np.array(across), np.array(along)
+
+
+def beside_what_explains_it(road, lanes) -> tuple[np.ndarray, np.ndarray]:
+    """What of the deviations is left, along the road beside SUMO's shear, and across it beside the smoothing, m.
+
+    SUMO gives all lanes of an edge one length, and spreads each lane's own over it evenly, though a bend makes it
+    longer or shorter only where it is: a lane `aside` m beside the middle is drawn aside (φ(s) − s/L φ(L)) m ahead of
+    it, φ being what the road has turned since the edge began. The corners that are smoothed are the same for all lanes.
+    """
+    along, across = [], []
+    for section in lanes.sections:
+        share = np.linspace(0.0, 1.0, 51)
+        turned = np.unwrap([road.heading_at(section.start + section.length * each) for each in share])
+        sheared = turned - turned[0] - share * (turned[-1] - turned[0])
+        middle = 0.5 * (min(section.lanes) + max(section.lanes))
+        for at in np.linspace(0.0, section.length, max(int(section.length / 10.0), 2)):
+            off = []
+            for number in section.lanes:
+                lane, position = lanes.place(number, section.start + min(float(at), section.length - 1e-6))
+                x, y, _ = lane.world(position, 0.0)
+                s, d, _ = road.from_world(x, y, 0.0, section.start + float(at))
+                ahead = (number - middle) * road.lane_width * np.interp(at / section.length, share, sheared)
+                along.append(abs(s - section.start - at - ahead))
+                off.append(d - road.lane_centre(number, s))
+            across.append(np.ptp(off))
+    return np.array(along), np.array(across)
 
 
 @pytest.mark.parametrize(("name", "stop"), [("curves", "e37"), ("ramps", "m4"), ("lane_drop", "e3")])
@@ -172,6 +202,15 @@ def test_smoothing_takes_the_corners_off_and_leaves_a_circle_where_it_is():
     assert turns.max() < 2.0 * 10.0 / 500.0  # the polyline's own are 5 times as sharp
 
 
+def test_a_corner_is_cut_by_five_metres_a_radian_whatever_its_angle():
+    for angle in (0.02, 0.1, -0.2):
+        corner = np.array([[0.0, 0.0], [600.0, 0.0], [600.0 + 600.0 * math.cos(angle), 600.0 * math.sin(angle)]])
+        knots = smooth_knots(np.array([0.0, 600.0, 1200.0]), corner, 1200.0, closed=False)
+        cut = np.hypot(*(knots[60] - corner[1]))
+        assert cut / abs(angle) == pytest.approx(CUT, rel=0.02)
+        assert np.abs(knots[:50, 1]).max() < 0.3 * cut  # 100 m before it the road is where the lanes are
+
+
 # Main carriageways of real motorways, as crowds have drawn them: a vertex every 50 m and kinks of some degrees.
 @pytest.mark.skipif(not REAL.is_dir(), reason="HJ_COSIM_REAL_NETWORKS names no folder of real networks")
 @pytest.mark.parametrize(
@@ -189,6 +228,8 @@ def test_real_motorways_become_roads(file, start, stop, lanes_of_road):
     across, along = deviations(road, lanes)
     assert np.quantile(across, 0.95) < 0.3
     assert np.quantile(along, 0.95) < 1.0
+    assert np.quantile(beside_what_explains_it(road, lanes)[0], 0.95) < 0.11
+    assert beside_what_explains_it(road, lanes)[1].max() < 0.05
     random = np.random.default_rng(0)
     for s, d, heading in random.uniform((0.0, -2.0, -0.5), (road.length, 15.0, 0.5), (300, 3)):
         back = road.from_world(*road.to_world(s, d, heading), s + random.uniform(-5.0, 5.0))

@@ -1,1 +1,1 @@
-"""Pictures of runs, studies and the value function; matplotlib and pandas are imported here and nowhere else."""
+"""Pictures of runs, studies and the value function; matplotlib is imported here and nowhere else."""

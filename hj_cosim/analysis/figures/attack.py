@@ -34,7 +34,7 @@ def attack(table: pd.DataFrame, width: int = style.PAGE) -> style.Drawing:
         style.legend_beside(figure, panels[0, 0], width, "95 % intervals")
     metrics = [f"{metric}{ending}" for metric, _ in ROWS for ending in ("", "_lo", "_hi")]
     data = table[[BEHAVIOUR, SHARE, *STACK_COLUMNS, "episodes", *metrics]]
-    return style.Drawing(figure, data.reset_index(drop=True))
+    return style.Drawing(figure, dict(data.items()))
 
 
 def _message(table: pd.DataFrame) -> str:

@@ -1,7 +1,6 @@
 """The safe controls of SPC and RSS at one moment of a run, and what MI and SW choose among them."""
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 
 from hj_cosim.analysis.figures import style
@@ -52,7 +51,7 @@ def control_sets(run: Run, table: ValueTable, time: float | None = None, width: 
             axes.set_xticks([-robot.omega_max, 0.0, robot.omega_max])
         panels[0].set_ylabel("a (m/s²)")
         style.legend_beside(figure, panels[1], width)
-    return style.Drawing(figure, pd.DataFrame(_rows(results)))
+    return style.Drawing(figure, style.columns_of(_rows(results)))
 
 
 def _busiest_sample(run: Run) -> int:

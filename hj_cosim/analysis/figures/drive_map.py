@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from matplotlib.collections import LineCollection
 from matplotlib.ticker import MaxNLocator
 
@@ -58,7 +57,7 @@ def drive_map(run: Run, width: int = style.PAGE) -> style.Drawing:
         axes.annotate("start", way[0], xytext=(4, 4), textcoords="offset points", fontsize=style.SMALLEST_FONT)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x (m)", ylabel="y (m)")
         figure.colorbar(pieces, ax=axes, label="speed (m/s)", pad=0.01, ticks=MaxNLocator(4))
-    return style.Drawing(figure, pd.DataFrame({"time": record.time, "x": x, "y": y, "speed": robot.speed}))
+    return style.Drawing(figure, {"time": record.time, "x": x, "y": y, "speed": robot.speed})
 
 
 def _message(run: Run, length: float) -> str:

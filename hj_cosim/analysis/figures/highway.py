@@ -1,7 +1,6 @@
 """One moment of a run from above, each car in the colour of its value."""
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 
 from hj_cosim.analysis.figures import style
@@ -59,9 +58,9 @@ def highway(run: Run, table: ValueTable, time: float | None = None, width: int =
         axes.set_xticks(origin + marks, [style.signed(f"{mark:.0f}") for mark in marks])
         axes.set_xlabel("distance from the robot along the road (m)")
         figure.colorbar(value_scale(), ax=axes, label="V (m)", extend="both", ticks=[-15, 0, 15], pad=0.01)
-    data = pd.DataFrame(scene_rows(record, sample, seen))
-    data["value"] = [np.nan, *values[seen]]
-    return style.Drawing(figure, data)
+    return style.Drawing(
+        figure, {**style.columns_of(scene_rows(record, sample, seen)), "value": [np.nan, *values[seen]]}
+    )
 
 
 def _message(run: Run, sample: int) -> str:

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 
 from hj_cosim.analysis.figures import style
@@ -72,7 +71,7 @@ def planner_comparison(
         panels = figure.subplots(len(drawn) // columns, columns, squeeze=False)
         for axes, (now, expected, title) in zip(panels.T.flat, drawn, strict=True):
             _draw(axes, now, expected, title)
-    return style.Drawing(figure, pd.DataFrame(rows))
+    return style.Drawing(figure, style.columns_of(rows))
 
 
 def _draw(axes: Axes, now: Situation, expected: PredictedTrajectory, title: str) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
 from matplotlib.patches import Polygon
 
 from hj_cosim.analysis.figures import style
@@ -52,7 +53,7 @@ def draw_cars(
     axes: Axes,
     corners: np.ndarray,
     colours: object = style.CAR,
-    edge: str | Sequence[str] = style.CAR_EDGE,
+    edge: str | Sequence[object] = style.CAR_EDGE,
     zorder: float = 3.0,
 ) -> None:
     """Draw cars, whose corners are as body_corners returns them; `colours` and `edge` are one colour or one a car."""
@@ -85,25 +86,32 @@ def draw_scene(
     Returns:
         (K,) the numbers of the cars in view.
     """
-    robot, traffic = record.robot, record.traffic
+    robot = record.robot
+    _, cars, traffic = record.traffic.at(sample)
     start, stop = robot.x[sample] - behind, robot.x[sample] + ahead
     view = View(record.road, float(robot.x[sample]))
     draw_road(axes, view, start, stop, height or height_of(record.road, robot.x[sample : sample + 1], behind, ahead))
     reach = 0.5 * traffic.length
-    x = traffic.x[sample]
-    seen = np.flatnonzero(traffic.present[sample] & (x > start - reach) & (x < stop + reach))
-    places = view.place(x[seen], traffic.y[sample, seen], traffic.heading[sample, seen])
-    colours = [style.ROGUE if rogue else style.CAR for rogue in record.is_rogue[seen]]
+    x = traffic.x[0]
+    seen = np.flatnonzero((x > start - reach) & (x < stop + reach))
+    places = view.place(x[seen], traffic.y[0, seen], traffic.heading[0, seen])
+    colours = [style.ROGUE if traffic.names[car] in record.rogues else style.CAR for car in seen.tolist()]
     draw_cars(axes, body_corners(*places, traffic.length[seen], traffic.width[seen]), colours)
+    if record.belief is not None:
+        likely = np.nan_to_num(record.belief[sample, seen])
+        rings = body_corners(*places, traffic.length[seen] + style.RING[0], traffic.width[seen] + style.RING[1])
+        edges = [(*to_rgb(style.SUSPECT), each) for each in likely]
+        draw_cars(axes, rings, "none", edges, zorder=2.9)
     own = view.place(*(column[sample : sample + 1] for column in (robot.x, robot.y, robot.heading)))
     x_0, y_0, heading = (float(column[0]) for column in own)
     draw_robot(axes, x_0, y_0, heading, record.robot_length, record.robot_width)
-    return seen
+    return np.asarray(cars[seen])
 
 
 def scene_rows(record: RunRecord, sample: int, seen: np.ndarray) -> list[dict[str, object]]:
     """Return the data of a scene, a row for the robot and for each car in view."""
-    robot, traffic = record.robot, record.traffic
+    robot = record.robot
+    _, cars, traffic = record.traffic.at(sample)
     time = record.time[sample]
     rows: list[dict[str, object]] = [
         {
@@ -119,11 +127,11 @@ def scene_rows(record: RunRecord, sample: int, seen: np.ndarray) -> list[dict[st
         {
             "time": time,
             "vehicle": traffic.names[j],
-            "x": traffic.x[sample, j],
-            "y": traffic.y[sample, j],
-            "heading": traffic.heading[sample, j],
-            "speed": traffic.speed[sample, j],
+            "x": traffic.x[0, j],
+            "y": traffic.y[0, j],
+            "heading": traffic.heading[0, j],
+            "speed": traffic.speed[0, j],
         }
-        for j in seen
+        for j in np.searchsorted(cars, seen).tolist()
     )
     return rows

@@ -2,7 +2,6 @@
 
 import matplotlib.patheffects as effects
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 
 from hj_cosim.analysis.figures import style
@@ -63,10 +62,14 @@ def _situation_on_values(situation: Situation, table: ValueTable, message: str, 
             _label(axes, x, y, room if width == style.COLUMN else f"{speed:.0f} m/s, {room}", ahead)
         axes.set_xlabel("distance from the robot along the road (m)")
         figure.colorbar(filled, ax=axes, label="V (m)", extend="both", ticks=[-15, 0, 15], pad=0.01)
-    cars = situation.rows(table)
-    px, py = np.meshgrid(along, aside)
-    field = pd.DataFrame({"vehicle": "", "x": px.ravel(), "y": py.ravel(), "value": values.ravel()})
-    return style.Drawing(figure, pd.concat([cars, field], ignore_index=True))
+    return style.Drawing(figure, style.columns_of([*situation.rows(table), *_field_rows(along, aside, values)]))
+
+
+def _field_rows(along: np.ndarray, aside: np.ndarray, values: np.ndarray) -> list[dict[str, object]]:
+    """Return a row a place, of the values (len(aside), len(along)) there."""
+    x, y = np.meshgrid(along, aside)
+    places = zip(x.ravel(), y.ravel(), values.ravel(), strict=True)
+    return [{"vehicle": "", "x": here, "y": there, "value": value} for here, there, value in places]
 
 
 def _label(axes: Axes, x: float, y: float, text: str, ahead: float) -> None:

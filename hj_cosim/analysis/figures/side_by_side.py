@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.timeline import LARGEST_TTC, VALUE_TICKS
-from hj_cosim.metrics.threats import SAFE_TTC
+from hj_cosim.metrics.declared_paper import SAFE_TTC
 from hj_cosim.recording.run_folder import Run
 
 # Each run differs from the others in colour and in its dashes, for those who print in grey.
@@ -48,7 +48,7 @@ def side_by_side(runs: Mapping[str, Run], width: int = style.PAGE) -> style.Draw
         handles, names = panels[0].get_legend_handles_labels()
         columns = 1 if len(runs) == 1 or width == style.COLUMN else 2
         figure.legend(handles, names, loc="outside lower left", ncols=columns)
-    return style.Drawing(figure, data)
+    return style.Drawing(figure, dict(data.items()))
 
 
 def _message(data: pd.DataFrame) -> str:

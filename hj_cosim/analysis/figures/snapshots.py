@@ -1,7 +1,6 @@
 """The drive from above: the same stretch of road around the robot at evenly spaced times."""
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 
 from hj_cosim.analysis.figures import style
@@ -39,7 +38,7 @@ def snapshots(run: Run, width: int = style.PAGE) -> style.Drawing:
             axes.set_xticks([])
             rows += scene_rows(record, sample, seen)
         _draw_scale(panels[-1], float(record.robot.x[samples[-1]]), behind, ahead)
-    return style.Drawing(figure, pd.DataFrame(rows))
+    return style.Drawing(figure, style.columns_of(rows))
 
 
 def _message(record: RunRecord) -> str:

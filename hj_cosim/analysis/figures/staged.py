@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 
 from hj_cosim.analysis.figures.road_view import body_corners, draw_cars, draw_road, draw_robot
@@ -80,9 +79,9 @@ class Situation:
         draw_cars(axes, body_corners(self.x, self.y, np.zeros(len(self.x)), *sizes), car_colours)
         draw_robot(axes, self.robot[0], self.robot[1], self.robot[2], CAR_LENGTH, CAR_WIDTH)
 
-    def rows(self, table: ValueTable) -> pd.DataFrame:
-        """Return the situation as a table, with the value of each car."""
-        robot = pd.DataFrame([["robot", *self.robot[:2], self.robot[3], np.nan]])
-        names = [f"car {number + 1}" for number in range(len(self.x))]
-        cars = pd.DataFrame(list(zip(names, self.x, self.y, self.speed, self.values(table), strict=True)))
-        return pd.concat([robot, cars], ignore_index=True).set_axis(["vehicle", "x", "y", "speed", "value"], axis=1)
+    def rows(self, table: ValueTable) -> list[dict[str, object]]:
+        """Return a row for the robot and for each car, with its value."""
+        x, y, _, speed = self.robot
+        cars = zip(self.x, self.y, self.speed, self.values(table), strict=True)
+        everyone = [("robot", x, y, speed, np.nan), *((f"car {number}", *car) for number, car in enumerate(cars, 1))]
+        return [dict(zip(("vehicle", "x", "y", "speed", "value"), each, strict=True)) for each in everyone]

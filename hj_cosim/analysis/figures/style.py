@@ -1,15 +1,17 @@
 """How every picture looks: colours, sizes, and how it is saved."""
 
+import csv
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import matplotlib as mpl
-import pandas as pd
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
 from matplotlib.figure import Figure
@@ -18,6 +20,9 @@ from matplotlib.textpath import text_to_path
 
 from hj_cosim.errors import OutputError
 from hj_cosim.files import whole_file
+
+if TYPE_CHECKING:
+    import pandas as pd  # imported where a DataFrame is asked for: a picture needs none
 
 # The palette of Okabe and Ito (2008), which colour-blind readers tell apart. What meets in one picture also differs in
 # lightness, or in line style and marker, for those who print in grey: tests/analysis/test_palette.py.
@@ -34,6 +39,8 @@ ROBOT = VERMILION
 CAR = "#A9C9DE"  # a pale sky blue: light where the robot is dark
 CAR_EDGE = "#33566B"
 ROGUE = "#8C2D6B"  # a dark purple: who means harm
+SUSPECT = "#000000"  # a ring, as opaque as the filter holds it likely that who is in it means harm
+RING = (1.4, 1.0)  # m, by how much it is longer and wider than the car
 ASPHALT = "#F1F1EE"
 LANE_LINE = "#9A9A9A"
 INTERVENTION = YELLOW
@@ -91,10 +98,22 @@ _UNDATED: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """A picture and the table of the data in it."""
+    """A picture and the table of the data in it, by its columns, which are equally long."""
 
     figure: Figure
-    data: pd.DataFrame
+    columns: Mapping[str, Iterable[Any]]
+
+    @cached_property
+    def data(self) -> "pd.DataFrame":
+        """The table as a DataFrame."""
+        import pandas as pd
+
+        return pd.DataFrame(dict(self.columns))
+
+
+def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """Return rows as columns; what a row leaves out is None."""
+    return {name: [row.get(name) for row in rows] for name in dict.fromkeys(name for row in rows for name in row)}
 
 
 @contextmanager
@@ -194,9 +213,10 @@ def save_drawing(drawing: Drawing, path: Path, dpi: int | None = None) -> list[P
     """
     paths = [path] if path.suffix else [path.with_name(path.name + suffix) for suffix in (".png", ".pdf", ".csv")]
     with house_style():
-        # Laid out once: every rendering would move things a little further, and cost as much again.
+        # Laid out once: every rendering would move things a little further, and cost as much again. None, and not
+        # "none", for which Matplotlib draws everything twice.
         drawing.figure.draw_without_rendering()
-        drawing.figure.set_layout_engine("none")
+        drawing.figure.set_layout_engine(None)
     for target in paths:
         _save(drawing, target, dpi)
     return paths
@@ -207,10 +227,20 @@ def _save(drawing: Drawing, path: Path, dpi: int | None) -> None:
         raise OutputError(f"cannot draw {path}: a picture ends in .png, .pdf or .svg, its data in .csv")
     with whole_file(path) as temporary:
         if path.suffix == ".csv":
-            drawing.data.to_csv(temporary, index=False)
+            with temporary.open("w", encoding="utf-8", newline="") as file:
+                _write_csv(file, drawing.columns)
         else:
             # In memory first: Matplotlib's PDF stumbles over itself when the disk is full.
             picture = io.BytesIO()
             with house_style():
                 drawing.figure.savefig(picture, format=path.suffix[1:], dpi=dpi, metadata=_UNDATED[path.suffix])
             temporary.write_bytes(picture.getvalue())
+
+
+def _write_csv(file: TextIO, columns: Mapping[str, Iterable[Any]]) -> None:
+    """Write columns as CSV, numbers with all their digits; of what is not known, nothing."""
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(columns)
+    plain = (np.asarray(column).tolist() for column in columns.values())
+    known = (["" if value is None or value != value else value for value in column] for column in plain)
+    writer.writerows(zip(*known, strict=True))

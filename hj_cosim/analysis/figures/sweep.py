@@ -74,7 +74,7 @@ def _sweep(rows: pd.DataFrame, along: str, label: str, beside: Sequence[str], wi
         style.legend_beside(figure, panels[0, 0], width, "95 % intervals")
     metrics = [f"{metric}{ending}" for metric, _ in PANELS for ending in ("", "_lo", "_hi")]
     scenario = [SCENARIO] if SCENARIO in rows and SCENARIO not in beside and along != SCENARIO else []
-    return style.Drawing(figure, rows[[*scenario, along, *beside, *STACK_COLUMNS, *metrics]].reset_index(drop=True))
+    return style.Drawing(figure, dict(rows[[*scenario, along, *beside, *STACK_COLUMNS, *metrics]].items()))
 
 
 def _draw(axes: Axes, rows: pd.DataFrame, metric: str, beside: Sequence[str]) -> None:

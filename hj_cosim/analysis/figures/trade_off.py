@@ -33,8 +33,8 @@ def trade_off(table: pd.DataFrame, width: int = style.PAGE) -> style.Drawing:
             axes.errorbar(
                 rows[SPEED],
                 rows[SAFETY],
-                xerr=_reach(rows, SPEED),
-                yerr=_reach(rows, SAFETY),
+                xerr=reach(rows, SPEED),
+                yerr=reach(rows, SAFETY),
                 capsize=2,
                 markersize=6,
                 elinewidth=1.0,
@@ -45,7 +45,7 @@ def trade_off(table: pd.DataFrame, width: int = style.PAGE) -> style.Drawing:
         axes.set_ylim(bottom=-0.03 * axes.get_ylim()[1])  # a marker at 0, where bodies touched, is seen whole
         style.legend_beside(figure, axes, width, "mean, 95 % interval")
     shown = [f"{metric}{ending}" for metric in METRICS_SHOWN for ending in ("", "_lo", "_hi")]
-    return style.Drawing(figure, table[[*beside, *STACK_COLUMNS, *shown]].reset_index(drop=True))
+    return style.Drawing(figure, dict(table[[*beside, *STACK_COLUMNS, *shown]].items()))
 
 
 def _message(table: pd.DataFrame, beside: Sequence[str]) -> str:
@@ -67,7 +67,7 @@ def _message(table: pd.DataFrame, beside: Sequence[str]) -> str:
     )
 
 
-def _reach(rows: pd.DataFrame, metric: str) -> list[pd.Series]:
+def reach(rows: pd.DataFrame, metric: str) -> list[pd.Series]:
     """Return how far the interval reaches below and above the mean, neither negative."""
     low, high = rows[metric] - rows[f"{metric}_lo"], rows[f"{metric}_hi"] - rows[metric]
     return [low.clip(lower=0.0), high.clip(lower=0.0)]

@@ -1,7 +1,6 @@
 """How the cars' values change along a drive: over time, and where the cars are meanwhile."""
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
@@ -41,9 +40,7 @@ def value_along_drive(run: Run, table: ValueTable, width: int = style.PAGE) -> s
         figure.colorbar(value_scale(), ax=bottom, label="V (m)", extend="both", ticks=[-15, 0, 15], pad=0.01)
     sample, car = np.nonzero(near)
     names = np.array(record.traffic.names, dtype=object)
-    data = pd.DataFrame(
-        {"time": time[sample], "vehicle": names[car], "p_x": relative[sample, car], "value": values[sample, car]}
-    )
+    data = {"time": time[sample], "vehicle": names[car], "p_x": relative[sample, car], "value": values[sample, car]}
     return style.Drawing(figure, data)
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import pandas as pd
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.value_plot import VALUE_LIMIT, draw_value_contours
@@ -71,7 +70,7 @@ def value_slice(
         )
     along, across = np.meshgrid(drawn.x, drawn.y)
     data = {drawn.x_name: along.ravel(), drawn.y_name: across.ravel(), "value": drawn.values.ravel()}
-    return style.Drawing(figure, pd.DataFrame(data))
+    return style.Drawing(figure, data)
 
 
 def _around(axis: np.ndarray, inside: np.ndarray) -> tuple[float, float]:

@@ -20,7 +20,9 @@
 
   const behind = 50, ahead = 100;  // m in view
   const scale = canvas.width / (behind + ahead);
-  const roadTop = 12, roadHeight = raw.lanes * raw.laneWidth * scale;
+  // On a bend: the road's line d = 0 every few metres of s, and its lanes by stretches; the view looks along the road.
+  const bend = raw.bend && { ...raw.bend, x: decode(raw.bend.x), y: decode(raw.bend.y), heading: decode(raw.bend.heading) };
+  const roadTop = 12, roadHeight = (bend ? bend.high - bend.low : raw.lanes * raw.laneWidth) * scale;
   const strips = [
     { top: 0, name: "speed (m/s)", curves: [["plan_speed", "#6b6b6b"], ["speed", "#0072b2"]] },
     { top: 0, name: "least value V (m)", curves: [["value", "#d55e00"]], limits: [-10, 30] },
@@ -39,7 +41,7 @@
   let sample = 0, playing = false, selected = -1, clock = 0, played = 0;
 
   const toX = (dx) => (dx + behind) * scale;
-  const toY = (y) => roadTop + ((raw.lanes - 0.5) * raw.laneWidth - y) * scale;
+  const toY = (y) => roadTop + ((bend ? bend.high : (raw.lanes - 0.5) * raw.laneWidth) - y) * scale;
   const span = () => Math.max(last, (raw.expected || 0) - 1);  // of a drive that is watched, more is to come
   const timeX = (k) => 8 + (canvas.width - 16) * (span() ? k / span() : 0);
 
@@ -49,17 +51,62 @@
     return raw.colours[Math.round(share * (raw.colours.length - 1))];
   }
 
+  function inWorld(s, d) {  // x, y and the road's heading there, between two places of its line
+    const at = Math.min(Math.max((s - bend.start) / bend.every, 0), bend.x.length - 1.000001);
+    const k = Math.floor(at), share = at - k;
+    const between = (column) => column[k] + share * (column[k + 1] - column[k]);
+    const heading = between(bend.heading);
+    return [between(bend.x) - d * Math.sin(heading), between(bend.y) + d * Math.cos(heading), heading];
+  }
+
+  function place(dx, y, heading) {  // pixels and heading of what is dx m ahead of the robot, y m to the left of d = 0
+    if (!bend) return [toX(dx), toY(y), heading];
+    const [fromX, fromY, looks] = inWorld(robot.x[sample], 0);
+    const [x, up, along] = inWorld(robot.x[sample] + dx, y);
+    const cos = Math.cos(looks), sin = Math.sin(looks);
+    return [
+      toX((x - fromX) * cos + (up - fromY) * sin), toY((up - fromY) * cos - (x - fromX) * sin), heading + along - looks,
+    ];
+  }
+
   function body(x, y, heading, length, width, fill, edge, line) {
+    const [across, down, turned] = place(x, y, heading);
     pen.save();
-    pen.translate(toX(x), toY(y));
-    pen.rotate(-heading);
+    pen.translate(across, down);
+    pen.rotate(-turned);
     pen.fillStyle = fill; pen.strokeStyle = edge; pen.lineWidth = line;
     pen.fillRect(-length / 2 * scale, -width / 2 * scale, length * scale, width * scale);
     pen.strokeRect(-length / 2 * scale, -width / 2 * scale, length * scale, width * scale);
     pen.restore();
   }
 
+  function line(from, to, d, onward) {  // a line of the road, from one dx to another
+    const steps = Math.max(Math.ceil(Math.abs(to - from) / 4), 1);
+    for (let k = 0; k <= steps; k++) {
+      const [x, y] = place(from + (to - from) * k / steps, d, 0);
+      if (k || onward) pen.lineTo(x, y); else pen.moveTo(x, y);
+    }
+  }
+
+  function drawBend() {
+    pen.save();
+    pen.beginPath(); pen.rect(0, 0, canvas.width, roadTop + roadHeight + 2); pen.clip();
+    for (const [start, stop, right, lanes] of bend.stretches) {
+      const from = Math.max(start - robot.x[sample], -behind - 10), to = Math.min(stop - robot.x[sample], ahead + 10);
+      if (from >= to) continue;
+      pen.fillStyle = "#f1f1ee"; pen.strokeStyle = "#9a9a9a"; pen.lineWidth = 1;
+      pen.beginPath(); line(from, to, right); line(to, from, right + lanes * raw.laneWidth, true); pen.fill();
+      pen.beginPath(); line(from, to, right); line(from, to, right + lanes * raw.laneWidth); pen.stroke();
+      pen.setLineDash([4 * scale, 8 * scale]);
+      pen.lineDashOffset = ((robot.x[sample] + from) % 12) * scale;
+      for (let lane = 1; lane < lanes; lane++) { pen.beginPath(); line(from, to, right + lane * raw.laneWidth); pen.stroke(); }
+      pen.setLineDash([]);
+    }
+    pen.restore();
+  }
+
   function drawRoad() {
+    if (bend) return drawBend();
     pen.fillStyle = "#f1f1ee";
     pen.fillRect(0, roadTop, canvas.width, roadHeight);
     pen.strokeStyle = "#9a9a9a"; pen.lineWidth = 1;
@@ -81,7 +128,8 @@
     for (let t = 0; t <= 3.0001; t += 0.1) {
       const dx = robot.plan_speed[sample] * t - missing * (1 - Math.exp(-raw.speedRate * t)) / raw.speedRate;
       const y = centre + (robot.y[sample] - centre) * Math.exp(-raw.lateralRate * t);
-      if (t === 0) pen.moveTo(toX(dx), toY(y)); else pen.lineTo(toX(dx), toY(y));
+      const [across, down] = place(dx, y, 0);
+      if (t === 0) pen.moveTo(across, down); else pen.lineTo(across, down);
     }
     pen.stroke(); pen.setLineDash([]);
   }
@@ -91,6 +139,11 @@
       const chosen = cars.vehicle[k] === selected, rogue = raw.rogues[cars.vehicle[k]];
       body(cars.dx[k], cars.y[k], cars.heading[k], cars.length[k], cars.width[k], colour(cars.value[k]),
            chosen ? "#000000" : rogue ? raw.rogueColour : "#33566b", chosen || rogue ? 3 : 1);
+      if (!cars.belief) continue;  // else a ring, as opaque as it is likely that the driver means harm
+      pen.globalAlpha = cars.belief[k];
+      body(cars.dx[k], cars.y[k], cars.heading[k], cars.length[k] + raw.ring[0], cars.width[k] + raw.ring[1],
+           "transparent", raw.suspectColour, 2);
+      pen.globalAlpha = 1;
     }
     const on = robot.intervening[sample];
     body(0, robot.y[sample], robot.heading[sample], raw.robotLength, raw.robotWidth, "#d55e00",
@@ -233,8 +286,10 @@
     if (y > strips[0].top - 12) return seek((x - 8) / (canvas.width - 16) * span());
     selected = -1;
     for (let k = cars.start[sample]; k < cars.start[sample + 1]; k++) {
-      const dx = x / scale - behind - cars.dx[k];
-      const dy = (toY(cars.y[k]) - y) / scale;
+      const [across, down, turned] = place(cars.dx[k], cars.y[k], 0);
+      const right = (x - across) / scale, up = (down - y) / scale;
+      const dx = right * Math.cos(turned) + up * Math.sin(turned);
+      const dy = up * Math.cos(turned) - right * Math.sin(turned);
       if (Math.abs(dx) <= cars.length[k] / 2 + 1 && Math.abs(dy) <= cars.width[k] / 2 + 0.7) selected = cars.vehicle[k];
     }
     show(sample);

@@ -62,10 +62,12 @@ class BelievingFilter(SafetyPreservingFilter):
         """Return the control nearest to the desired one under the rows of all cars; see SafetyFilter."""
         self._watcher.see(observation)
         self._suspected = self._watcher.suspected(observation.vehicle)
+        belief = self._watcher.belief(observation.vehicle)
         if not self._suspected.any():
-            return super().filter(observation, values, desired)
+            return replace(super().filter(observation, values, desired), belief=belief)
         decision = super().filter(observation, self._assumed(observation, values), desired)
-        return replace(decision, diagnostics={**decision.diagnostics, SUSPECTS: float(self._suspected.sum())})
+        diagnostics = {**decision.diagnostics, SUSPECTS: float(self._suspected.sum())}
+        return replace(decision, belief=belief, diagnostics=diagnostics)
 
     def _assumed(self, observation: Observation, values: CarValues) -> CarValues:
         """Return the values with those of the suspected cars against the worst."""

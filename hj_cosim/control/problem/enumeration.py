@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+# What this is called where a solver is chosen.
+ENUMERATION = "enumeration"
 # Up to so many rows all of them are enumerated together.
 _FEW = 4
 

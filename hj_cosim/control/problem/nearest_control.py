@@ -1,7 +1,7 @@
 """The control nearest to the desired one that meets a filter's rows, with all that led to it."""
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from hj_cosim.settings import FilterSettings, RobotSettings
 
 # Rows can be met together when the least slack is below this (m/s for the HJI, m/s² for RSS).
 SLACK_TOLERANCE = 1e-6
+_FIRST = 100.0  # times as much counts a row that comes first, beyond the least by which it has to be missed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,6 +108,30 @@ class NearestControl:
             least_slack=0.0 if solution.slack <= 0.0 else least_slack(rows, available),
             backend=solution.backend,
         )
+
+    def resolve(self, decision: RowsDecision, first: np.ndarray, weight: np.ndarray, desired: Control) -> RowsDecision:
+        """Return the decision under rows that cannot be met together, some of which come first.
+
+        Those are missed as little as can be, and of the controls that do that the others are missed the least.
+
+        Args:
+            decision: of `choose`, by one slack for all.
+            first: (K,) bool, which rows come first.
+            weight: (K,) how much missing each counts among its like.
+            desired: as there.
+        """
+        rows = decision.rows
+        p, q, c = weight * rows.p, weight * rows.q, weight * rows.c
+        if first.any():
+            leading = SafetyRows(rows.vehicle[first], rows.value[first], p[first], q[first], c[first])
+            c = np.where(first, c + least_slack(leading, decision.available), c)
+        times = np.where(first, _FIRST, 1.0)
+        weighed = replace(rows, p=times * p, q=times * q, c=times * c)
+        omega = self.applied_omega if self._holds_steering else desired.omega
+        solution = self._solver.solve(weighed, omega, desired.acceleration, decision.available)
+        missed = -float(rows.margins(solution.omega, solution.acceleration).min())
+        control = Control(solution.omega, solution.acceleration)
+        return replace(decision, control=control, slack=max(missed, 0.0), backend=solution.backend)
 
     def _new_failures(self) -> dict[str, float]:
         """Return how often each backend failed since the last step, by its name and FAILED."""

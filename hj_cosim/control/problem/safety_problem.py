@@ -8,19 +8,14 @@ row speaks of it; a tie weight of 1e-6 ā⁻² on (a − a_des)² makes it uniqu
 """
 
 import math
-import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import qpsolvers
 from numba import njit
-from scipy.sparse import csc_matrix
 
-from hj_cosim.control.problem.enumeration import least_cost_control
-from hj_cosim.errors import ConfigurationError
+from hj_cosim.control.problem.enumeration import ENUMERATION, least_cost_control
 from hj_cosim.settings import FilterSettings, RobotSettings
 
 _NARROWEST = 1e-3  # rad/s, m/s²; half a box that leaves no choice has to be scaled by something
@@ -29,27 +24,10 @@ TIE_WEIGHT = 1e-6  # of λ_1, λ_2 after scaling by ω̄ and ā
 FEASIBILITY_TOLERANCE = 1e-4
 # A row with a larger coefficient comes from a broken table; squares of smaller ones do not overflow in any solver.
 LARGEST_COEFFICIENT = 1e12
-# The solver of the preset `best` and of jitted rollouts, so that what is attacked is what drives; and the last resort.
-ENUMERATION = "enumeration"
 # In MI the desired control is the solution, of cost 0, where it lies in the box and meets all rows.
 NOT_NEEDED = "none needed"
 # What a backend's name is followed by where its failures are counted.
 FAILED = " failed"
-
-# What makes each backend of qpsolvers accurate on this problem: P is singular in t, and the tie weight is small.
-_BACKEND_OPTIONS: dict[str, dict[str, float | int | bool]] = {
-    "daqp": {"primal_tol": 1e-9, "dual_tol": 1e-12},
-    "quadprog": {},
-    "piqp": {"eps_abs": 1e-10, "eps_rel": 1e-11},
-    "clarabel": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11},
-    "osqp": {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iter": 20_000, "polishing": True},
-}
-# Who answers where the chosen backend fails, in this order. Not quadprog: where twenty rows are nearly one and the same
-# it goes round in circles for ever, and nothing ends it.
-_FALLBACKS = ("daqp", "piqp", "clarabel", "osqp")
-_SPARSE_BACKENDS = ("osqp", "clarabel")
-# Only quadprog needs a positive definite P; on t, in units of λ_3.
-_QUADPROG_REGULARISATION = 1e-8
 
 
 @njit(cache=True)
@@ -203,20 +181,6 @@ def available_controls(limits: np.ndarray, heading: float, speed: float, bounds:
     )
 
 
-def _own_failure_unsaid(backend: str) -> AbstractContextManager[None]:
-    """Return a context in which OSQP does not warn that it failed: that is counted, and the next backend answers."""
-    if backend != "osqp":
-        return nullcontext()
-    return _without_osqps_failure()
-
-
-@contextmanager
-def _without_osqps_failure() -> Iterator[None]:
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="OSQP exited with status", category=UserWarning)
-        yield
-
-
 class SafetySolver:
     """Solves the problem with one of qpsolvers' backends; one that fails is answered by the next, and counted."""
 
@@ -231,24 +195,19 @@ class SafetySolver:
         Raises:
             ConfigurationError: if the backend is not installed.
         """
-        available = [*qpsolvers.available_solvers, ENUMERATION]
-        if settings.solver not in available:
-            raise ConfigurationError(
-                f"filter.solver = {settings.solver!r} is not installed; install hj-cosim[solvers] or choose one of "
-                + ", ".join(name for name in (*_BACKEND_OPTIONS, ENUMERATION) if name in available)
-            )
-        others = [name for name in _FALLBACKS if name in available and name != settings.solver]
-        # Those of qpsolvers that are asked, in turn: none where enumeration is chosen, which cannot fail.
-        self.backends: Sequence[str] = () if settings.solver == ENUMERATION else (settings.solver, *others)
         self.counts = counts
         self.weights = SafetyWeights.of(settings, robot)
         self._weight_array = np.array([self.weights.omega, self.weights.acceleration, self.weights.slack])
         # In units of ω̄ and ā (and t as it is) the problem is well conditioned.
         self._scale = (robot.omega_max, robot.acceleration_max)
         self._tie = TIE_WEIGHT if self.weights.slack_is_free else 1.0
-        self._cost = np.diag([2.0, 2.0 * self._tie, 0.0])
-        self._sparse_cost = csc_matrix(self._cost)
-        self._regular_cost = np.diag([2.0, 2.0 * self._tie, _QUADPROG_REGULARISATION * self.weights.slack])
+        # Those of qpsolvers that are asked, in turn: none where enumeration is chosen, which cannot fail.
+        self.backends: Sequence[str] = ()
+        if settings.solver != ENUMERATION:
+            from hj_cosim.control.problem.backends import Backends, answering_in_turn  # see there
+
+            self.backends = answering_in_turn(settings.solver)
+            self._answers = Backends(self._tie, self.weights.slack)
         self._last_box = np.empty(0)
         self._bounds = (np.empty(0), np.empty(0))
         self._lowest_slack = -math.inf if self.weights.slack_is_free else 0.0
@@ -279,7 +238,7 @@ class SafetySolver:
         )
         lower, upper = self._scaled_bounds(box)
         for backend in self.backends:
-            point = self._answer_of(backend, linear, inequality, rows.c, lower, upper)
+            point = self._answers.answer(backend, linear, inequality, rows.c, lower, upper)
             if point is not None:
                 good, omega, acceleration, needed = _judged_answer(point, self._scale, rows.p, rows.q, rows.c, box)
                 if good:
@@ -313,26 +272,3 @@ class SafetySolver:
                 np.array([box[1] / self._scale[0], box[3] / self._scale[1], math.inf]),
             )
         return self._bounds
-
-    def _answer_of(
-        self,
-        backend: str,
-        linear: np.ndarray,
-        inequality: np.ndarray,
-        offset: np.ndarray,
-        lower: np.ndarray,
-        upper: np.ndarray,
-    ) -> np.ndarray | None:
-        """Return a backend's scaled (ω, a, t), or None where it fails."""
-        cost = self._cost
-        if backend == "quadprog":
-            cost = self._regular_cost
-        elif backend in _SPARSE_BACKENDS:
-            cost, inequality = self._sparse_cost, csc_matrix(inequality)
-        problem = qpsolvers.Problem(cost, linear, inequality, offset, lb=lower, ub=upper)
-        try:
-            with _own_failure_unsaid(backend):
-                solution = qpsolvers.solve_problem(problem, backend, **_BACKEND_OPTIONS[backend])
-        except (qpsolvers.exceptions.QPError, ValueError, ArithmeticError):
-            return None
-        return solution.x if solution.found else None

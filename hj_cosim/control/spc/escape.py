@@ -84,8 +84,8 @@ class Extent(NamedTuple):
     @classmethod
     def of(cls, table: ValueTable) -> "Extent":
         """Return a table's."""
-        arrays = table.arrays
-        return cls(arrays.lower[0], arrays.upper[0], arrays.lower[1], arrays.upper[1], arrays.braking_shear)
+        grid = table.arrays.grid
+        return cls(grid.lower[0], grid.upper[0], grid.lower[1], grid.upper[1], grid.braking_shear)
 
 
 @njit(cache=True)

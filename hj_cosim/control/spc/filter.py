@@ -9,6 +9,7 @@ from hj_cosim.control.contract import CANNOT_JUDGE, FilterDecision
 from hj_cosim.control.problem.nearest_control import Grip, NearestControl, RowsDecision, limits_of
 from hj_cosim.control.problem.safety_problem import NO_ROWS, SafetyRows, available_controls
 from hj_cosim.control.spc.approach import binding_rows
+from hj_cosim.control.spc.conflicts import robot_answers, severity
 from hj_cosim.control.spc.escape import (
     ESCAPING,
     NO_ESCAPE,
@@ -51,6 +52,8 @@ class SafetyPreservingFilter:
         self._approach, self._smooth = settings.approach, settings.smooth_gradient
         # Below its bound a car may need a row: ε, or any V that a look-up gives.
         self._bound = settings.epsilon if settings.approach == 0.0 else np.finfo(np.float64).max
+        self._by_responsibility = settings.conflicts == "responsibility"
+        self._body = (robot.length, robot.width)
         self._grip = Grip(robot)
         self._step = step
         self._table = table
@@ -84,6 +87,10 @@ class SafetyPreservingFilter:
             return CANNOT_JUDGE
         in_k = int(np.count_nonzero(rows.value <= self._epsilon))
         decision = self._nearest.choose(rows, in_k, desired, available)
+        if self._by_responsibility and not decision.meetable:
+            cars = np.array([np.flatnonzero(observation.vehicle == vehicle)[0] for vehicle in rows.vehicle])
+            answers = robot_answers(observation, cars, *self._body)
+            decision = self._nearest.resolve(decision, answers, severity(rows.value, self._epsilon), desired)
         if len(rows) == 0 and available is not self._limits:
             decision = replace(decision, control=_within(available, desired.omega, desired.acceleration))
         if len(self._manoeuvres.heading) > 0:

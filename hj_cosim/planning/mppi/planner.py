@@ -16,12 +16,15 @@ from pydantic import Field
 from hj_cosim.planning.contract import FASTER, IDLE, LEFT, RIGHT, SLOWER, Plan
 from hj_cosim.planning.mppi.others import Habits, Others, predict_others
 from hj_cosim.planning.mppi.rollouts import Costs, Outlook, RobotModel, drive, follow_lanes, judge
+from hj_cosim.planning.mppi.shield import NO_SHIELD, Shield
 from hj_cosim.planning.optimistic.reward import reward_model
+from hj_cosim.planning.optimistic.speed_limits import fastest_within_limits
+from hj_cosim.reachability.games.highway.rows import row_numbers
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Observation, Target
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings, Settings
-from hj_cosim.settings.base import MetresPerSecondSquared, Number, RadiansPerSecond, Seconds
+from hj_cosim.settings.base import Metres, MetresPerSecondSquared, Number, PerSecond, RadiansPerSecond, Seconds
 from hj_cosim.vehicles.idm import mean_driver
 
 SEED = 0  # of the noise: the same drive gives the same plans
@@ -47,6 +50,13 @@ class MppiPlanner:
         acceleration_deviation: MetresPerSecondSquared = Field(1.0, gt=0, description="of the noise")
         turning_cost: Number = Field(0.002, ge=0, description="a second, of (v ω)², m²/s⁴")
         acceleration_cost: Number = Field(0.001, ge=0, description="a second, of a², m²/s⁴")
+        shielded: bool = Field(
+            False, description="samples are held to accelerations that keep V of the nearest cars, a filter inside"
+        )
+        epsilon: Metres = Field(0.5, ge=0, description="shielded: ε, to which V may fall")
+        approach: PerSecond = Field(
+            4.0, gt=0, le=5, description="shielded: γ, the share of V − ε that it may fall in a second"
+        )
         jerk_cost: Number = Field(0.002, ge=0, description="a second, of the change of a between two controls, squared")
 
     # Six parameters beside itself: what planners may ask for.
@@ -74,6 +84,10 @@ class MppiPlanner:
         )
         self._reward = reward_model(settings, road)
         self._costs = Costs(options.turning_cost, options.acceleration_cost, options.jerk_cost)
+        self._shield = NO_SHIELD
+        if options.shielded:
+            larger = [(each.size, each.parameters) for each in table.larger]
+            self._shield = Shield(row_numbers(table.parameters, larger), options.epsilon, options.approach)
         self._random = np.random.default_rng(SEED)
         at = np.linspace(0.0, KNOTS - 1.0, self._instants)
         self._from_knots = np.maximum(1.0 - np.abs(at[:, None] - np.arange(KNOTS)), 0.0)  # (T, KNOTS)
@@ -104,7 +118,7 @@ class MppiPlanner:
         )
         controls = self._drawn(state)
         worths, ends = np.empty(len(controls)), np.empty(len(controls), np.int64)
-        judge(state, controls, outlook, self._tables, worths, ends)
+        judge(state, controls, outlook, self._tables, self._shield, worths, ends)
         self._plan = self._mean(controls, worths, ends)
         drive(state, self._plan, path, self._robot, self._options.step)
         return self._answer(observation, path)
@@ -136,13 +150,18 @@ class MppiPlanner:
         predict_others(others, target_y, path, self._robot.length, habits, self._options.step)
         return others
 
+    def _allowed(self, state: np.ndarray) -> float:
+        """Return how fast the robot may plan to be by the speed limits ahead, m/s."""
+        return fastest_within_limits(self._road, float(state[0]), float(state[3]), self._settings.action_time)
+
     def _drawn(self, state: np.ndarray) -> np.ndarray:
         """Return the samples, (K, T, 2): the last plan and the simple ways, and noise around all of them."""
         options, road = self._options, self._road
         here = road.lane_at(float(state[1]), float(state[0]))
         reachable = [lane for lane in (here - 1, here, here + 1) if lane in road.lanes_at(float(state[0]))]
         lanes = np.repeat(np.array(reachable, dtype=float), len(SPEEDS))
-        least, most = self._settings.speed_floor, self._settings.speed_high
+        fastest = min(self._settings.speed_high, self._allowed(state))
+        least, most = min(self._settings.speed_floor, fastest), fastest
         speeds = np.clip(float(state[3]) + np.tile(SPEEDS, len(reachable)), least, most)
         middles = np.empty((len(lanes) + 1, self._instants, 2))
         middles[0] = self._plan
@@ -168,7 +187,7 @@ class MppiPlanner:
         lane = road.lane_at(float(path[-1, 1]), float(path[-1, 0]))
         lane = min(max(lane, here - 1), here + 1)
         times = np.arange(len(path)) * self._options.step
-        planned = float(np.interp(self._settings.speed_response, times, path[:, 3]))
+        planned = min(float(np.interp(self._settings.speed_response, times, path[:, 3])), self._allowed(path[0]))
         action = IDLE
         if lane != here:
             action = LEFT if lane > here else RIGHT

@@ -7,10 +7,11 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.planning.mppi.others import Others
+from hj_cosim.planning.mppi.shield import Shield, held_acceleration
 from hj_cosim.planning.optimistic.reward import RewardModel, total_reward
 from hj_cosim.reachability.table.lookup import value_at
 from hj_cosim.reachability.table.size_classes import class_of, offsets_in_class
-from hj_cosim.reachability.table.stack import TableStack, table_in
+from hj_cosim.reachability.table.stack import TableStack, grid_in
 
 # Cars are looked up in V ahead and behind, in the robot's own lane and those beside it: the nearest of each.
 _PLACES = 6
@@ -64,17 +65,44 @@ def drive(state: np.ndarray, controls: np.ndarray, path: np.ndarray, robot: Robo
     """Write the states (T + 1, 4) that controls (T, 2) lead to, held to what the robot can; `controls` is held too."""
     path[0] = state
     for instant in range(len(controls)):
-        x, y, heading, speed = path[instant]
-        omega, acceleration = held(controls[instant], speed, robot)
-        later_heading = min(max(heading + omega * step, -robot.heading_max), robot.heading_max)
-        later = min(max(speed + acceleration * step, 0.0), robot.speed_max)
-        way, direction = 0.5 * (speed + later) * step, 0.5 * (heading + later_heading)
-        path[instant + 1, 0] = x + way * math.cos(direction)
-        path[instant + 1, 1] = y + way * math.sin(direction)
-        path[instant + 1, 2] = later_heading
-        path[instant + 1, 3] = later
-        controls[instant, 0] = (later_heading - heading) / step
-        controls[instant, 1] = (later - speed) / step
+        _advance(path, controls, instant, robot, step)
+
+
+@njit(cache=True, error_model="numpy")
+def _advance(path: np.ndarray, controls: np.ndarray, instant: int, robot: RobotModel, step: float) -> None:
+    x, y, heading, speed = path[instant]
+    omega, acceleration = held(controls[instant], speed, robot)
+    later_heading = min(max(heading + omega * step, -robot.heading_max), robot.heading_max)
+    later = min(max(speed + acceleration * step, 0.0), robot.speed_max)
+    way, direction = 0.5 * (speed + later) * step, 0.5 * (heading + later_heading)
+    path[instant + 1, 0] = x + way * math.cos(direction)
+    path[instant + 1, 1] = y + way * math.sin(direction)
+    path[instant + 1, 2] = later_heading
+    path[instant + 1, 3] = later
+    controls[instant, 0] = (later_heading - heading) / step
+    controls[instant, 1] = (later - speed) / step
+
+
+@njit(cache=True, error_model="numpy")
+def drive_shielded(
+    state: np.ndarray, controls: np.ndarray, path: np.ndarray, outlook: Outlook, tables: TableStack, shield: Shield
+) -> None:
+    """Write the states as `drive` does, each acceleration held to what the rows of the nearest cars leave.
+
+    Args:
+        state, controls, path: as `drive` takes them.
+        outlook: the robot and the others.
+        tables: V.
+        shield: what is kept.
+    """
+    path[0] = state
+    nearest, robot = np.empty(_PLACES, np.int64), outlook.robot
+    for instant in range(len(controls)):
+        here = path[instant]
+        _find_nearest(here[0], here[1], outlook.others, instant, robot.lane_width, nearest)
+        omega, asked = held(controls[instant], here[3], robot)
+        controls[instant, 1] = held_acceleration(here, outlook.others, instant, nearest, omega, asked, tables, shield)
+        _advance(path, controls, instant, robot, outlook.step)
 
 
 @njit(cache=True, error_model="numpy")
@@ -91,7 +119,7 @@ def worth(path: np.ndarray, controls: np.ndarray, outlook: Outlook, tables: Tabl
     lowest = -0.5 * (robot.lane_width - robot.width)
     highest = (robot.lane_count - 1) * robot.lane_width - lowest
     looks, numbers = outlook.reward.gamma_r < 1.0, tables.numbers
-    table, tabled = table_in(tables.flat, numbers, 0), 0
+    grid, tabled = grid_in(numbers, 0), 0
     nearest = np.empty(_PLACES, np.int64)
     total, weight, before = 0.0, step, controls[0, 1]
     for instant in range(1, len(path)):
@@ -107,11 +135,11 @@ def worth(path: np.ndarray, controls: np.ndarray, outlook: Outlook, tables: Tabl
                     length, width = others.length[car], others.width[car]
                     kind = class_of(numbers, length, width)
                     if kind != tabled:
-                        table, tabled = table_in(tables.flat, numbers, kind), kind
+                        grid, tabled = grid_in(numbers, kind), kind
                     p_x, p_y = offsets_in_class(
                         numbers, kind, x - others.x[instant, car], y - others.y[instant, car], length, width
                     )
-                    value = value_at(table, p_x, p_y, heading, speed, others.speed[instant, car])
+                    value = value_at(tables.flat, grid, p_x, p_y, heading, speed, others.speed[instant, car])
                     least = min(least, value)
         omega, acceleration = controls[instant - 1]
         change = acceleration - before
@@ -154,7 +182,13 @@ def _find_nearest(x: float, y: float, others: Others, instant: int, lane_width: 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def judge(
-    state: np.ndarray, controls: np.ndarray, outlook: Outlook, tables: TableStack, worths: np.ndarray, ends: np.ndarray
+    state: np.ndarray,
+    controls: np.ndarray,
+    outlook: Outlook,
+    tables: TableStack,
+    shield: Shield,
+    worths: np.ndarray,
+    ends: np.ndarray,
 ) -> None:
     """Drive all samples, and write what each is worth, and the lane in which it ends.
 
@@ -163,13 +197,17 @@ def judge(
         controls: (K, T, 2) ω (rad/s) and a (m/s²) of each sample; held to what the robot can.
         outlook: what all have in common.
         tables: V.
+        shield: what the samples are held to, if to anything.
         worths: (K,) to be written.
         ends: (K,) int, to be written.
     """
     path = np.empty((controls.shape[1] + 1, 4))
     robot = outlook.robot
     for sample in range(len(controls)):
-        drive(state, controls[sample], path, robot, outlook.step)
+        if len(shield.numbers) > 0:
+            drive_shielded(state, controls[sample], path, outlook, tables, shield)
+        else:
+            drive(state, controls[sample], path, robot, outlook.step)
         worths[sample] = worth(path, controls[sample], outlook, tables)
         lane = math.floor(path[-1, 1] / robot.lane_width + 0.5)
         ends[sample] = min(max(lane, 0), robot.lane_count - 1)

@@ -1,7 +1,6 @@
 """Whether the robot touches a car during a predicted action."""
 
-from numba import njit
-
+from hj_cosim.kernels import kernel
 from hj_cosim.planning.optimistic.prediction import (
     BRANCH,
     LANE,
@@ -15,22 +14,26 @@ from hj_cosim.planning.optimistic.prediction import (
 )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def robot_crashes(scene: Scene, robot: int, model: PredictionModel) -> bool:
     """Return whether the robot's body touches a car's at any instant of the action.
 
     Between two steps both move on straight lines, so the instants at which they overlap along and across the road
     are two intervals in closed form, and they touch if these meet.
     """
-    state, motion, robot_motion = scene.state, scene.motion, scene.robot_motion
+    state, place, motion, robot_motion = scene.state, scene.place, scene.motion, scene.robot_motion
+    start, end = robot_motion[POSITION, 0], robot_motion[POSITION, model.steps]
     moved = model.others_lateral_speed * model.step
     for car in range(state.shape[1]):
         if car == robot:
             continue
-        branch = scene.place[BRANCH, car]
+        branch = place[BRANCH, car]
         reach = 0.5 * (state[LENGTH, car] + state[LENGTH, robot])
+        # Nobody drives backwards: most cars stay ahead of where the robot gets to, or behind where it began.
+        if state[POSITION, car] - end >= reach or motion[branch, POSITION, car, model.steps] - start <= -reach:
+            continue
         breadth = 0.5 * (state[WIDTH, car] + state[WIDTH, robot])
-        centre = scene.place[LANE, car] * model.lane_width
+        centre = place[LANE, car] * model.lane_width
         for now in range(model.steps):
             along = motion[branch, POSITION, car, now] - robot_motion[POSITION, now]
             next_along = motion[branch, POSITION, car, now + 1] - robot_motion[POSITION, now + 1]
@@ -45,7 +48,7 @@ def robot_crashes(scene: Scene, robot: int, model: PredictionModel) -> bool:
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def instants_within(offset: float, next_offset: float, reach: float) -> tuple[float, float]:
     """Return the part of [0, 1] in which |offset| < reach while it goes linearly to `next_offset`; (1, 0) if none."""
     change = next_offset - offset

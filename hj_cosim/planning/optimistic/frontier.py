@@ -4,10 +4,11 @@ Two arrays hold it, the leaves' upper bounds and their nodes; `leaves` is how ma
 """
 
 import numpy as np
-from numba import njit
+
+from hj_cosim.kernels import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def comes_first(bound: float, node: int, other_bound: float, other: int, nodes: np.ndarray) -> bool:
     """Return whether a leaf is expanded before another: the higher bound, then the shallower, then the older."""
     if bound != other_bound:
@@ -17,7 +18,7 @@ def comes_first(bound: float, node: int, other_bound: float, other: int, nodes: 
     return node < other
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def push_leaf(bounds: np.ndarray, heap: np.ndarray, nodes: np.ndarray, leaves: int, node: int, bound: float) -> int:
     """Put a leaf on the frontier, a heap of `leaves`, and return how many it now has."""
     place = leaves
@@ -31,7 +32,7 @@ def push_leaf(bounds: np.ndarray, heap: np.ndarray, nodes: np.ndarray, leaves: i
     return leaves + 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pop_leaf(bounds: np.ndarray, heap: np.ndarray, nodes: np.ndarray, leaves: int) -> int:
     """Take the first leaf off the frontier, a heap of `leaves`, and return how many are left."""
     last = leaves - 1

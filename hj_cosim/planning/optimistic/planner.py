@@ -21,6 +21,7 @@ from hj_cosim.planning.optimistic.prediction import (
     noticed_lanes,
 )
 from hj_cosim.planning.optimistic.reward import reward_model
+from hj_cosim.planning.optimistic.speed_limits import fastest_within_limits, limits_in_sight
 from hj_cosim.planning.optimistic.tree_search import (
     KIND,
     LANE_CHANGE,
@@ -55,7 +56,6 @@ def prediction_model(
     steps = max(round(settings.action_time / settings.prediction_step), 1)
     step = settings.action_time / steps
     return PredictionModel(
-        driver=tuple(driver.tolist()),
         drivers=np.tile(driver, (vehicles, 1)),
         tells_apart=False,
         mobil=mobil_parameters(drivers.politeness, drivers.gain_threshold, drivers.safe_braking),
@@ -137,9 +137,7 @@ class OptimisticPlanner:
         observation = with_lane_ends(observation, self._road, self._settings.sensing_range)
         cars, bodies = self._enter(observation)
         if not self._road.is_straight:
-            self._prediction, self._actions = with_road_ahead(
-                self._prediction, self._actions, self._road, observation, self._settings.sensing_range
-            )
+            self._look_ahead(observation)
         self._plant_root(self._tree, observation, cars, previous)
         action_values = np.empty(ACTION_COUNT)
         nodes, expansions, best = search(
@@ -183,9 +181,7 @@ class OptimisticPlanner:
         observation = with_lane_ends(observation, self._road, self._settings.sensing_range)
         cars, bodies = self._enter(observation)
         if not self._road.is_straight:
-            self._prediction, self._actions = with_road_ahead(
-                self._prediction, self._actions, self._road, observation, self._settings.sensing_range
-            )
+            self._look_ahead(observation)
         tree = empty_tree(len(actions), len(cars) + 1)
         self._plant_root(tree, observation, cars, previous)
         for node, action in enumerate(actions):
@@ -195,6 +191,17 @@ class OptimisticPlanner:
             planned = PlannedState(action, lane, float(speed))
             add_child(tree, node, node + 1, planned, self._scene, robot, self._prediction)
         return self._trajectory(tree, np.arange(len(actions) + 1), observation, cars)
+
+    def _look_ahead(self, observation: Observation) -> None:
+        """Take the lanes and the speed limits that there are around the robot into the models."""
+        road, settings = self._road, self._settings
+        self._prediction, self._actions = with_road_ahead(
+            self._prediction, self._actions, road, observation, settings.sensing_range
+        )
+        along, _, _, speed = observation.robot.tolist()
+        self._scene = self._scene._replace(limits=limits_in_sight(road, along, settings.sensing_range))
+        fastest = min(settings.speed_high, fastest_within_limits(road, along, speed, settings.action_time))
+        self._actions = self._actions._replace(speed_high=fastest, speed_floor=min(settings.speed_floor, fastest))
 
     def _enter(self, observation: Observation) -> tuple[np.ndarray, np.ndarray]:
         """Return the indices of the cars that enter the tree, and the bodies (J + 1, 3) of all, the robot's first."""
@@ -231,7 +238,7 @@ class OptimisticPlanner:
         root = tree.nodes[ROOT]
         root["parent"], root["depth"], root["value"], root["heading"] = ROOT, 0, 0.0, heading
         root["planned_lane"] = min(max(previous.lane, self._actions.lowest_lane), self._actions.highest_lane)
-        root["planned_speed"] = min(max(planned_speed, settings.speed_floor), settings.speed_high)
+        root["planned_speed"] = min(max(planned_speed, self._actions.speed_floor), self._actions.speed_high)
         noticed = noticed_lanes(float(y), self._prediction)
         lowest, highest = outermost_lanes(noticed or 1 << road.lane_at(y, x), road.lane_count)
         lane, second_lane = occupied_lanes(observation, cars, road)

@@ -5,8 +5,7 @@ finds a faster car six metres ahead brakes with all he has, although nothing is 
 that, and half a second later there would have been room.
 """
 
-from numba import njit
-
+from hj_cosim.kernels import kernel
 from hj_cosim.planning.optimistic.prediction import (
     BRANCH,
     FOLLOWS_IN,
@@ -18,12 +17,11 @@ from hj_cosim.planning.optimistic.prediction import (
     SPEED,
     PredictionModel,
     Scene,
-    driver_of,
 )
-from hj_cosim.vehicles.idm import idm_acceleration
+from hj_cosim.vehicles.idm import driver_of, idm_acceleration
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def braking_imposed(scene: Scene, robot: int, occupied: int, model: PredictionModel) -> float:
     """Return how hard who is behind the robot in a lane that it enters has to brake by IDM, m/s².
 
@@ -55,13 +53,13 @@ def braking_imposed(scene: Scene, robot: int, occupied: int, model: PredictionMo
     return min(hardest, HARDEST_BRAKING)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _braking_behind(scene: Scene, robot: int, car: int, model: PredictionModel) -> float:
     """Return how hard a car has to brake for the robot at the instants at which it is behind it, m/s²."""
     branch = scene.place[BRANCH, car]
     position, speed = scene.motion[branch, POSITION, car], scene.motion[branch, SPEED, car]
     reach = 0.5 * (scene.state[LENGTH, car] + scene.state[LENGTH, robot])
-    hardest, driver = 0.0, driver_of(car, scene, model)
+    hardest, driver = 0.0, driver_of(scene.drivers, car)
     for now in range(1, model.steps + 1):
         ahead = scene.robot_motion[POSITION, now] - position[now]
         if ahead > 0.0:

@@ -22,10 +22,20 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from hj_cosim.vehicles.idm import idm_acceleration
-from hj_cosim.vehicles.mobil import GAIN_THRESHOLD, NOBODY, POLITENESS, lane_change_incentive
+from hj_cosim.kernels import kernel
+from hj_cosim.planning.optimistic.speed_limits import NO_LIMITS, slowed
+from hj_cosim.vehicles.idm import driver_of, idm_acceleration
+from hj_cosim.vehicles.mobil import (
+    GAIN_THRESHOLD,
+    NOBODY,
+    POLITENESS,
+    SAFE_BRAKING,
+    follower_in_lane,
+    following_acceleration,
+    is_safe_change,
+    lane_change_incentive,
+)
 
 # Rows of a scene's state, an array (5, M): a column for each of the M vehicles, in the order of their positions.
 POSITION = 0  # m along the road
@@ -54,9 +64,8 @@ HARDEST_BRAKING = 9.0  # m/s²
 class PredictionModel(NamedTuple):
     """What the prediction depends on and no plan changes."""
 
-    # The mean driver's IDM parameters, as a tuple, of which kernels keep sums and roots in registers; and what can be
-    # expected of each vehicle's driver, by its number, (M, 6), which is the same for all unless they are told apart.
-    driver: tuple[float, float, float, float, float, float]
+    # What can be expected of each vehicle's driver, its IDM parameters by its number, (M, 6); the same for all unless
+    # they are told apart.
     drivers: np.ndarray
     tells_apart: bool
     mobil: np.ndarray  # (3,) MOBIL's parameters
@@ -93,6 +102,7 @@ class Scene(NamedTuple):
     robot_lanes: np.ndarray  # (K + 1,) int64, bit sets of the lanes in which drivers notice the robot
     nearest: np.ndarray  # (2, lanes) int64, the vehicle and the car (not the robot) seen last in each lane
     drivers: np.ndarray  # (M, 6) the model's, in the order of the scene, as MOBIL reads them
+    limits: np.ndarray  # (L, 2) where speed limits begin, m ahead of the robot at the root, and they, m/s
 
 
 def empty_scene(vehicles: int, steps: int, lane_count: int) -> Scene:
@@ -105,10 +115,11 @@ def empty_scene(vehicles: int, steps: int, lane_count: int) -> Scene:
         robot_lanes=np.zeros(steps + 1, np.int64),
         nearest=np.zeros((2, lane_count), np.int64),
         drivers=np.zeros((vehicles, 6)),
+        limits=NO_LIMITS,
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def sort_by_position(state: np.ndarray, place: np.ndarray) -> int:
     """Sort a scene's vehicles by position and return the robot's column.
 
@@ -129,7 +140,7 @@ def sort_by_position(state: np.ndarray, place: np.ndarray) -> int:
     return robot
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def order_drivers(scene: Scene, model: PredictionModel) -> None:
     """Lay the drivers out as the scene's vehicles are; where all are the same, once is enough."""
     for column in range(len(scene.drivers)):
@@ -138,16 +149,7 @@ def order_drivers(scene: Scene, model: PredictionModel) -> None:
             scene.drivers[column, parameter] = model.drivers[vehicle, parameter]
 
 
-@njit(cache=True, error_model="numpy")
-def driver_of(car: int, scene: Scene, model: PredictionModel) -> tuple[float, float, float, float, float, float]:
-    """Return what is expected of the driver in a column: the mean driver unless they are told apart."""
-    if not model.tells_apart:
-        return model.driver
-    one = scene.drivers[car]
-    return one[0], one[1], one[2], one[3], one[4], one[5]
-
-
-@njit(cache=True, error_model="numpy")
+@kernel
 def decide_and_find_leaders(scene: Scene, robot: int, model: PredictionModel) -> None:
     """Let the cars decide on their lanes, and find the nearest car ahead of each, and who is nearest behind the robot.
 
@@ -178,12 +180,12 @@ def decide_and_find_leaders(scene: Scene, robot: int, model: PredictionModel) ->
         vehicles[second_lane[car]] = car
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wanted_lane(car: int, ahead: np.ndarray, vehicles: Vehicles, scene: Scene, model: PredictionModel) -> int:
     """Return the lane that a car drives to by MOBIL, its own where it stays.
 
-    Without politeness no lane is wanted in which the car itself would not gain more than the threshold, and that
-    is seen from the vehicles ahead alone; only the few lanes that pass are asked of MOBIL.
+    What a car itself would gain is seen from the vehicles ahead alone. Without politeness that is the incentive, so
+    that who is behind is only looked for in lanes that are worth it.
 
     Args:
         car: its column.
@@ -194,33 +196,29 @@ def wanted_lane(car: int, ahead: np.ndarray, vehicles: Vehicles, scene: Scene, m
     """
     mobil = model.mobil
     position, speed, lane, second_lane, length = vehicles
-    here, driver = lane[car], driver_of(car, scene, model)
-    wanted, best = here, 0.0
-    now = acceleration_behind(ahead[here], car, vehicles, driver)
+    here, wanted, best = lane[car], lane[car], 0.0
+    now = following_acceleration(car, ahead[here], position, speed, length, scene.drivers)
     for target in (here + 1, here - 1):  # the left first: it wins a tie
         if target < model.first_lane or target >= model.stop_lane:
             continue
         if mobil[POLITENESS] == 0.0:
-            gain = acceleration_behind(ahead[target], car, vehicles, driver) - now
-            if gain <= mobil[GAIN_THRESHOLD]:
+            after = following_acceleration(car, ahead[target], position, speed, length, scene.drivers)
+            incentive = after - now - mobil[GAIN_THRESHOLD]
+            behind = follower_in_lane(car, target, lane, second_lane) if incentive > best else NOBODY
+            if incentive <= best or not is_safe_change(
+                car, ahead[target], behind, position, speed, length, scene.drivers, mobil[SAFE_BRAKING]
+            ):
                 continue
-        incentive = lane_change_incentive(car, target, position, speed, lane, second_lane, length, scene.drivers, mobil)
+        else:
+            incentive = lane_change_incentive(
+                car, target, position, speed, lane, second_lane, length, scene.drivers, mobil
+            )
         if incentive > best:
             wanted, best = target, incentive
     return wanted
 
 
-@njit(cache=True, error_model="numpy")
-def acceleration_behind(leader: int, car: int, vehicles: Vehicles, driver: tuple[float, ...]) -> float:
-    """Return IDM's acceleration of a car behind `leader`, or on a free road where that is NOBODY, m/s²."""
-    position, speed, length = vehicles.position, vehicles.speed, vehicles.length
-    if leader == NOBODY:
-        return idm_acceleration(speed[car], math.inf, 0.0, driver)
-    gap = position[leader] - position[car] - 0.5 * (length[leader] + length[car])
-    return idm_acceleration(speed[car], gap, speed[leader], driver)
-
-
-@njit(cache=True, error_model="numpy")
+@kernel
 def follow(
     car: int,
     branch: int,
@@ -263,6 +261,9 @@ def follow(
         acceleration = 0.0
         if gap < math.inf:
             acceleration = max(idm_acceleration(speed, gap, ahead_speed, driver), -HARDEST_BRAKING)
+        if len(scene.limits) > 0:
+            front = position + 0.5 * state[LENGTH, car]
+            acceleration = max(slowed(acceleration, front, speed, driver, scene.limits), -HARDEST_BRAKING)
         next_speed = max(speed + acceleration * step, 0.0)
         position += 0.5 * (speed + next_speed) * step
         speed = next_speed
@@ -270,7 +271,7 @@ def follow(
         motion[branch, SPEED, car, now + 1] = speed
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def drive_cars(scene: Scene, robot: int, occupied: int, branch: int, model: PredictionModel) -> None:
     """Drive the cars of one branch through the action, from the front to the back, and mark which branch each is in.
 
@@ -283,7 +284,9 @@ def drive_cars(scene: Scene, robot: int, occupied: int, branch: int, model: Pred
         model: the prediction's.
     """
     place = scene.place
-    for car in range(place.shape[1] - 1, -1, -1):
+    # Whoever is ahead of the robot does not react to it, and has been marked when the shared motion was driven.
+    first = place.shape[1] - 1 if branch == SHARED else robot - 1
+    for car in range(first, -1, -1):
         if car == robot:
             continue
         leader_branch = SHARED
@@ -293,10 +296,10 @@ def drive_cars(scene: Scene, robot: int, occupied: int, branch: int, model: Pred
         place[BRANCH, car] = REACTING if lanes != 0 or leader_branch == REACTING else SHARED
         if place[BRANCH, car] == branch:
             robot_gap = 0.5 * (scene.state[LENGTH, car] + scene.state[LENGTH, robot])
-            follow(car, branch, leader_branch, robot_gap, lanes, scene, driver_of(car, scene, model), model.step)
+            follow(car, branch, leader_branch, robot_gap, lanes, scene, driver_of(scene.drivers, car), model.step)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def drive_robot(
     scene: Scene, robot: int, planned_lane: int, planned_speed: float, model: PredictionModel
 ) -> tuple[int, float]:
@@ -327,13 +330,13 @@ def drive_robot(
     return occupied, math.atan2(math.copysign(model.robot_lateral_speed, across), max(speed, model.robot_lateral_speed))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def approach(value: float, target: float, distance: float) -> float:
     """Return `value` moved towards `target` by `distance`, or `target` where that is nearer."""
     return min(max(target, value - distance), value + distance)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def noticed_lanes(lateral: float, model: PredictionModel) -> int:
     """Return the bit set of the lanes in which drivers notice a robot whose centre is at `lateral` (m)."""
     lanes = 0

@@ -2,8 +2,7 @@
 
 from typing import NamedTuple
 
-from numba import njit
-
+from hj_cosim.kernels import kernel
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import PlannerSettings
 
@@ -48,7 +47,7 @@ def reward_model(settings: PlannerSettings, road: Road) -> RewardModel:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def driving_reward(planned_speed: float, planned_lane: int, crashed: bool, weights: RewardModel) -> float:
     """Return R = r_speed + r_crash + r_lane of a planner state, the paper's reward without the HJI term."""
     speed = weights.speed_weight * (planned_speed - weights.speed_low) / (weights.speed_high - weights.speed_low)
@@ -56,7 +55,7 @@ def driving_reward(planned_speed: float, planned_lane: int, crashed: bool, weigh
     return speed + lane - (weights.crash_weight if crashed else 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def total_reward(
     planned_speed: float, planned_lane: int, crashed: bool, worst_value: float, weights: RewardModel
 ) -> float:

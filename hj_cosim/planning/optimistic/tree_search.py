@@ -14,8 +14,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from hj_cosim.kernels import kernel
 from hj_cosim.planning.contract import ACTION_COUNT
 from hj_cosim.planning.optimistic.crash import robot_crashes
 from hj_cosim.planning.optimistic.frontier import pop_leaf, push_leaf
@@ -45,7 +45,7 @@ from hj_cosim.planning.optimistic.prediction import (
 from hj_cosim.planning.optimistic.reward import RewardModel, total_reward
 from hj_cosim.reachability.table.lookup import shift_of_grid, value_at
 from hj_cosim.reachability.table.size_classes import offsets_in_class
-from hj_cosim.reachability.table.stack import TableStack, table_in
+from hj_cosim.reachability.table.stack import TableStack, grid_in
 
 # Of each action, in the order of planning.contract.
 LANE_CHANGE = (0, 0, 0, 1, -1)
@@ -113,7 +113,7 @@ def empty_tree(expansions: int, vehicles: int) -> Tree:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def search(
     tree: Tree,
     scene: Scene,
@@ -178,7 +178,7 @@ def search(
     return count, expansions, best
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def open_node(tree: Tree, node: int, scene: Scene, bodies: np.ndarray, prediction: PredictionModel) -> int:
     """Prepare what the children of a node share, and return the robot's column of the scene."""
     robot = open_scene(tree.state[node], tree.place[node], scene.state, scene.place, bodies)
@@ -189,7 +189,7 @@ def open_node(tree: Tree, node: int, scene: Scene, bodies: np.ndarray, predictio
     return robot
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def add_child(
     tree: Tree,
     node: int,
@@ -217,7 +217,7 @@ def add_child(
     return robot_crashes(scene, robot, prediction), braking_imposed(scene, robot, occupied, prediction)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def may_change_lane(change: int, off_centre: float, lane_width: float) -> bool:
     """Return whether the robot may now plan for the lane to the left (+1) or the right (−1); 0 is always allowed.
 
@@ -233,7 +233,7 @@ def may_change_lane(change: int, off_centre: float, lane_width: float) -> bool:
     return change * off_centre >= -REACHED * lane_width
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def open_scene(
     node_state: np.ndarray, node_place: np.ndarray, state: np.ndarray, place: np.ndarray, bodies: np.ndarray
 ) -> int:
@@ -251,7 +251,7 @@ def open_scene(
     return sort_by_position(state, place)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def close_scene(
     node_state: np.ndarray, node_place: np.ndarray, scene: Scene, robot: int, prediction: PredictionModel
 ) -> None:
@@ -280,7 +280,7 @@ def close_scene(
     node_state[LATERAL, robot] = scene.robot_motion[LATERAL, last]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def outermost_lanes(lanes: int, lane_count: int) -> tuple[int, int]:
     """Return the lowest and the highest lane of a bit set that is not empty."""
     lowest, highest = lane_count - 1, 0
@@ -290,7 +290,7 @@ def outermost_lanes(lanes: int, lane_count: int) -> tuple[int, int]:
     return lowest, highest
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def worst_value(
     state: np.ndarray,
     place: np.ndarray,
@@ -304,16 +304,16 @@ def worst_value(
 
     Stops at −clip: nothing below it changes the reward.
     """
-    worst = math.inf
-    for kind in range(len(tables.numbers)):
-        table = table_in(tables.flat, tables.numbers, kind)
-        lower, upper = table.lower, table.upper
+    worst, flat, numbers = math.inf, tables.flat, tables.numbers
+    for kind in range(len(numbers)):
+        grid = grid_in(numbers, kind)
+        lower, upper = grid.lower, grid.upper
         for car in range(state.shape[1]):
             vehicle = place[VEHICLE, car]
             if car == robot or bodies[vehicle, KIND] != kind:
                 continue
             p_x, p_y = offsets_in_class(
-                tables.numbers,
+                numbers,
                 kind,
                 float(state[POSITION, robot] - state[POSITION, car]),
                 float(state[LATERAL, robot] - state[LATERAL, car]),
@@ -322,9 +322,9 @@ def worst_value(
             )
             # Most cars of a large scene are beyond the grid: they need not be looked up to be told so.
             v_r, v_o = float(state[SPEED, robot]), float(state[SPEED, car])
-            if not (lower[1] <= p_y <= upper[1] and lower[0] <= p_x - shift_of_grid(table, v_r, v_o) <= upper[0]):
+            if not (lower[1] <= p_y <= upper[1] and lower[0] <= p_x - shift_of_grid(grid, v_r, v_o) <= upper[0]):
                 continue
-            value = value_at(table, p_x, p_y, heading, v_r, v_o)
+            value = value_at(flat, grid, p_x, p_y, heading, v_r, v_o)
             worst = min(worst, value)
             if worst <= -clip:
                 return worst

@@ -7,19 +7,25 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import code_file
 from hj_cosim.reachability.games import air3d, double_integrator
 from hj_cosim.reachability.games.contract import Game
 from hj_cosim.reachability.games.highway import game as highway
+from hj_cosim.reachability.games.highway import time_to_collision
 
 
 @cache
 def registered_games() -> Mapping[str, Game]:
     """Return the games that come with the package, by name."""
-    modules = (highway, air3d, double_integrator)
-    return {module.game.name: _fingerprinted(module.game, Path(str(module.__file__))) for module in modules}
+    # Each with what else it is made of.
+    modules: tuple[tuple[Any, ...], ...] = ((highway,), (time_to_collision, highway), (air3d,), (double_integrator,))
+    return {
+        parts[0].game.name: _fingerprinted(parts[0].game, *(Path(str(part.__file__)) for part in parts))
+        for parts in modules
+    }
 
 
 def find_game(name: str, folder: Path | None = None) -> Game:
@@ -64,5 +70,6 @@ def find_game(name: str, folder: Path | None = None) -> Game:
     return _fingerprinted(game, path)
 
 
-def _fingerprinted(game: Game, source: Path) -> Game:
-    return replace(game, fingerprint=hashlib.sha256(source.read_bytes()).hexdigest())
+def _fingerprinted(game: Game, *sources: Path) -> Game:
+    content = b"".join(source.read_bytes() for source in sources)
+    return replace(game, fingerprint=hashlib.sha256(content).hexdigest())

@@ -7,9 +7,10 @@ from numba import njit
 
 from hj_cosim.reachability.table.lookup import smooth_gradient_at, value_and_gradient_at
 from hj_cosim.reachability.table.size_classes import class_of, classes_of, offsets_in_class
-from hj_cosim.reachability.table.stack import table_in
+from hj_cosim.reachability.table.stack import grid_in
 from hj_cosim.reachability.table.table import ValueTable
-from hj_cosim.scene.observation import NOBODY, Cars, CarValues, Observation, is_possible
+from hj_cosim.scene.observation import NOBODY, Cars, CarValues, Observation
+from hj_cosim.scene.possible import is_possible
 
 SMOOTHED = 50.0  # m of V, above which no row is ever asked for
 
@@ -21,9 +22,9 @@ def car_values(table: ValueTable, observation: Observation) -> CarValues:
         table: V over (p_x, p_y, θ_r, v_r, v_o), of each car that of its size class: see `stack`.
         observation: finite or not; where it is not, nor is any value.
     """
-    cars = observation.cars
+    seen = observation
     value, gradient, least, nearest = _car_values(
-        *table.stack, observation.robot, cars.x, cars.y, cars.heading, cars.speed, cars.length, cars.width
+        *table.stack, seen.robot, seen.x, seen.y, seen.heading, seen.speed, seen.length, seen.width
     )
     return CarValues(value, gradient, least, nearest)
 
@@ -89,12 +90,12 @@ def _car_values(
         return value, gradient, math.nan, NOBODY
     least, nearest, known = math.inf, NOBODY, True
     for kind in range(len(numbers)):
-        table = table_in(flat, numbers, kind)
+        grid = grid_in(numbers, kind)
         for j in range(len(value)):
             if class_of(numbers, length[j], width[j]) != kind:
                 continue
             p_x, p_y = offsets_in_class(numbers, kind, robot[0] - x[j], robot[1] - y[j], length[j], width[j])
-            value[j] = value_and_gradient_at(table, p_x, p_y, robot[2], robot[3], speed[j], gradient[j])
+            value[j] = value_and_gradient_at(flat, grid, p_x, p_y, robot[2], robot[3], speed[j], gradient[j])
             if value[j] < least:
                 least, nearest = value[j], j
             known = known and value[j] > -math.inf
@@ -117,11 +118,11 @@ def _smooth_gradients(
 ) -> np.ndarray:
     found = gradients.copy()
     for kind in range(len(numbers)):
-        table = table_in(flat, numbers, kind)
+        grid = grid_in(numbers, kind)
         for j in range(len(values)):
             if values[j] <= SMOOTHED and class_of(numbers, length[j], width[j]) == kind:
                 p_x, p_y = offsets_in_class(numbers, kind, robot[0] - x[j], robot[1] - y[j], length[j], width[j])
-                smooth_gradient_at(table, p_x, p_y, robot[2], robot[3], speed[j], found[j])
+                smooth_gradient_at(flat, grid, p_x, p_y, robot[2], robot[3], speed[j], found[j])
     return found
 
 

@@ -26,49 +26,17 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from hj_cosim.reachability.games.highway.target import (
-    FORMULA_NUMBERS,
-    TargetFormula,
-    formula_from,
     target_and_gradient_at,
     target_at,
 )
+from hj_cosim.reachability.table.table_arrays import TableGrid
 from hj_cosim.reachability.table.value_scale import scaled, steepness, unscaled
 
 _ONE = np.uint64(1)
 _FAR_ASIDE = 1e6  # m from the other car's line, beyond which nothing is asked: cubes of it would not stay numbers
 _HEADING_ROUNDING = 1e-6  # rad beyond the grid that still count as on its edge
-
-
-class TableArrays(NamedTuple):
-    """A highway value table as jitted code takes it; the state is (p_x_rel, p_y_rel, θ_r, v_r, v_o)."""
-
-    deficit: np.ndarray  # W, float32, C order, 5 axes
-    flat: np.ndarray  # the same, one axis
-    # Tuples, not arrays: jitted code counts references to every array that it takes out of a tuple, which adds up.
-    lower: tuple[float, float, float, float, float]  # the first nodes
-    upper: tuple[float, float, float, float, float]  # the last
-    inverse_spacing: tuple[float, float, float, float, float]
-    braking_shear: float  # k, s²/m, of the first axis
-    target: TargetFormula
-    has_target: bool  # else the game is another with the same state, and W is −V
-
-
-@njit(cache=True)
-def table_from(deficit: np.ndarray, numbers: np.ndarray) -> TableArrays:
-    """Return the table of W, 5 axes, and of all its numbers (`reachability.packing`)."""
-    return TableArrays(
-        deficit,
-        deficit.reshape(-1),
-        to_fixed_tuple(numbers, 5),
-        to_fixed_tuple(numbers[5:], 5),
-        to_fixed_tuple(numbers[10:], 5),
-        numbers[15],
-        formula_from(numbers[16:]),
-        numbers[16 + FORMULA_NUMBERS] != 0.0,
-    )
 
 
 class Cell(NamedTuple):
@@ -87,24 +55,24 @@ class Cell(NamedTuple):
 
 
 @njit(cache=True)
-def _clamped(table: TableArrays, axis: int, coordinate: float) -> float:
-    return min(max(coordinate, table.lower[axis]), table.upper[axis])
+def _clamped(grid: TableGrid, axis: int, coordinate: float) -> float:
+    return min(max(coordinate, grid.lower[axis]), grid.upper[axis])
 
 
 @njit(cache=True)
-def _target(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
+def _target(grid: TableGrid, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
     """Return V0, m, with heading and speeds clamped to the grid."""
-    theta, v_r, v_o = _clamped(table, 2, theta), _clamped(table, 3, v_r), _clamped(table, 4, v_o)
-    return target_at(table.target, p_x, p_y, theta, v_r, v_o)
+    theta, v_r, v_o = _clamped(grid, 2, theta), _clamped(grid, 3, v_r), _clamped(grid, 4, v_o)
+    return target_at(grid.target, p_x, p_y, theta, v_r, v_o)
 
 
 @njit(cache=True)
 def _target_and_gradient(
-    table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float
+    grid: TableGrid, p_x: float, p_y: float, theta: float, v_r: float, v_o: float
 ) -> tuple[float, float, float, float, float, float]:
     """Return V0 and its slopes, likewise."""
-    theta, v_r, v_o = _clamped(table, 2, theta), _clamped(table, 3, v_r), _clamped(table, 4, v_o)
-    return target_and_gradient_at(table.target, p_x, p_y, theta, v_r, v_o)
+    theta, v_r, v_o = _clamped(grid, 2, theta), _clamped(grid, 3, v_r), _clamped(grid, 4, v_o)
+    return target_and_gradient_at(grid.target, p_x, p_y, theta, v_r, v_o)
 
 
 @njit(cache=True)
@@ -116,29 +84,29 @@ def _place(coordinate: float, nodes: int) -> tuple[np.uint64, float]:
 
 
 @njit(cache=True)
-def shift_of_grid(table: TableArrays, v_r: float, v_o: float) -> float:
+def shift_of_grid(grid: TableGrid, v_r: float, v_o: float) -> float:
     """Return p_x − ξ = k (v_o² − v_r²), m: how far the grid lies ahead of where its first axis says."""
-    v_r, v_o = _clamped(table, 3, v_r), _clamped(table, 4, v_o)
-    return table.braking_shear * (v_o * v_o - v_r * v_r)
+    v_r, v_o = _clamped(grid, 3, v_r), _clamped(grid, 4, v_o)
+    return grid.braking_shear * (v_o * v_o - v_r * v_r)
 
 
 @njit(cache=True)
-def _is_outside(table: TableArrays, axis: int, coordinate: float) -> bool:
-    place = (coordinate - table.lower[axis]) * table.inverse_spacing[axis]
-    return not (place >= 0.0 and place <= table.deficit.shape[axis] - 1)
+def _is_outside(grid: TableGrid, axis: int, coordinate: float) -> bool:
+    place = (coordinate - grid.lower[axis]) * grid.inverse_spacing[axis]
+    return not (place >= 0.0 and place <= grid.shape[axis] - 1)
 
 
 @njit(cache=True)
-def _claimed(table: TableArrays, theta: float, value: float) -> float:
+def _claimed(grid: TableGrid, theta: float, value: float) -> float:
     """Return V, or what is left to say of it where the table knows nothing of the heading."""
-    if table.lower[2] - _HEADING_ROUNDING <= theta <= table.upper[2] + _HEADING_ROUNDING:
+    if grid.lower[2] - _HEADING_ROUNDING <= theta <= grid.upper[2] + _HEADING_ROUNDING:
         return value
     return min(value, 0.0)
 
 
 @njit(cache=True)
-def _cell_of(table: TableArrays, xi: float, p_y: float, theta: float, v_r: float, v_o: float) -> Cell:
-    lower, inverse, shape = table.lower, table.inverse_spacing, table.deficit.shape
+def _cell_of(grid: TableGrid, xi: float, p_y: float, theta: float, v_r: float, v_o: float) -> Cell:
+    lower, inverse, shape = grid.lower, grid.inverse_spacing, grid.shape
     i, x = _place((xi - lower[0]) * inverse[0], shape[0])
     j, y = _place((p_y - lower[1]) * inverse[1], shape[1])
     k, t = _place((theta - lower[2]) * inverse[2], shape[2])
@@ -148,7 +116,7 @@ def _cell_of(table: TableArrays, xi: float, p_y: float, theta: float, v_r: float
     step_theta = step_r * np.uint64(shape[3])
     step_y = step_theta * np.uint64(shape[2])
     step_x = step_y * np.uint64(shape[1])
-    corner = i * step_x + j * step_y + k * step_theta + m * step_r + n
+    corner = np.uint64(grid.begin) + i * step_x + j * step_y + k * step_theta + m * step_r + n
     return Cell(corner, step_x, step_y, step_theta, step_r, x, y, t, r, o)
 
 
@@ -191,21 +159,28 @@ def _over_width(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[float,
 
 @njit(cache=True)
 def value_and_gradient_at(
-    table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float, gradient_out: np.ndarray
+    flat: np.ndarray,
+    grid: TableGrid,
+    p_x: float,
+    p_y: float,
+    theta: float,
+    v_r: float,
+    v_o: float,
+    gradient_out: np.ndarray,
 ) -> float:
     """Return V and write ∂V/∂x, (5,), per state unit; outside the grid as said above."""
-    xi, is_beside = p_x - shift_of_grid(table, v_r, v_o), _is_outside(table, 1, p_y)
-    if _is_outside(table, 0, xi) or (is_beside and not (table.has_target and abs(p_y) <= _FAR_ASIDE)):
+    xi, is_beside = p_x - shift_of_grid(grid, v_r, v_o), _is_outside(grid, 1, p_y)
+    if _is_outside(grid, 0, xi) or (is_beside and not (grid.has_target and abs(p_y) <= _FAR_ASIDE)):
         for axis in range(5):
             gradient_out[axis] = 0.0
         return math.inf
     if is_beside:
-        target, by_x, by_y, by_theta, by_r, by_o = _target_and_gradient(table, p_x, p_y, theta, v_r, v_o)
+        target, by_x, by_y, by_theta, by_r, by_o = _target_and_gradient(grid, p_x, p_y, theta, v_r, v_o)
         gradient_out[0], gradient_out[1], gradient_out[2] = by_x, by_y, by_theta
         gradient_out[3], gradient_out[4] = by_r, by_o
-        return _claimed(table, theta, target)
-    cell = _cell_of(table, xi, p_y, theta, v_r, v_o)
-    flat, share, inverse = table.flat, cell.x, table.inverse_spacing
+        return _claimed(grid, theta, target)
+    cell = _cell_of(grid, xi, p_y, theta, v_r, v_o)
+    share, inverse = cell.x, grid.inverse_spacing
     low, low_y, low_t, low_r, low_o = _over_width(flat, cell.corner, cell)
     high, high_y, high_t, high_r, high_o = _over_width(flat, cell.corner + cell.step_x, cell)
     deficit = float(low + share * (high - low))
@@ -214,7 +189,7 @@ def value_and_gradient_at(
     gradient_out[2] = -(low_t + share * (high_t - low_t)) * inverse[2]
     gradient_out[3] = -(low_r + share * (high_r - low_r)) * inverse[3]
     gradient_out[4] = -(low_o + share * (high_o - low_o)) * inverse[4]
-    return _value_and_slopes(table, p_x, p_y, theta, v_r, v_o, deficit, gradient_out)
+    return _value_and_slopes(grid, p_x, p_y, theta, v_r, v_o, deficit, gradient_out)
 
 
 @njit(cache=True)
@@ -225,7 +200,7 @@ def _is_flat(gradient: np.ndarray) -> bool:
 # Eight parameters, the last of them what is written.
 @njit(cache=True)
 def _value_and_slopes(
-    table: TableArrays,
+    grid: TableGrid,
     p_x: float,
     p_y: float,
     theta: float,
@@ -236,15 +211,15 @@ def _value_and_slopes(
 ) -> float:
     """Return V of a deficit, and turn −∂W along the grid's axes into ∂V/∂x, (5,)."""
     # ξ changes with the speeds.
-    gradient_out[3] += 2.0 * table.braking_shear * _clamped(table, 3, v_r) * gradient_out[0]
-    gradient_out[4] -= 2.0 * table.braking_shear * _clamped(table, 4, v_o) * gradient_out[0]
-    if not table.has_target:
-        return _claimed(table, theta, -deficit)
-    target, by_x, by_y, by_theta, by_r, by_o = _target_and_gradient(table, p_x, p_y, theta, v_r, v_o)
+    gradient_out[3] += 2.0 * grid.braking_shear * _clamped(grid, 3, v_r) * gradient_out[0]
+    gradient_out[4] -= 2.0 * grid.braking_shear * _clamped(grid, 4, v_o) * gradient_out[0]
+    if not grid.has_target:
+        return _claimed(grid, theta, -deficit)
+    target, by_x, by_y, by_theta, by_r, by_o = _target_and_gradient(grid, p_x, p_y, theta, v_r, v_o)
     if deficit == 0.0 and _is_flat(gradient_out):
         gradient_out[0], gradient_out[1], gradient_out[2] = by_x, by_y, by_theta
         gradient_out[3], gradient_out[4] = by_r, by_o
-        return _claimed(table, theta, target)
+        return _claimed(grid, theta, target)
     scaled_target = scaled(target)
     scaled_value = scaled_target - deficit
     # ∇V = dV/ds (∇V0 / (dV0/ds) − ∇W)
@@ -255,37 +230,44 @@ def _value_and_slopes(
     gradient_out[2] = share_of_target * by_theta + steep * gradient_out[2]
     gradient_out[3] = share_of_target * by_r + steep * gradient_out[3]
     gradient_out[4] = share_of_target * by_o + steep * gradient_out[4]
-    return _claimed(table, theta, unscaled(scaled_value))
+    return _claimed(grid, theta, unscaled(scaled_value))
 
 
 @njit(cache=True)
-def _deficit(table: TableArrays, place: tuple[float, float, float, float, float]) -> float:
+def _deficit(flat: np.ndarray, grid: TableGrid, place: tuple[float, float, float, float, float]) -> float:
     """Return W at a place in the grid's coordinates, clamped to the grid."""
-    cell = _cell_of(table, place[0], place[1], place[2], place[3], place[4])
-    low = _over_width(table.flat, cell.corner, cell)[0]
-    high = _over_width(table.flat, cell.corner + cell.step_x, cell)[0]
+    cell = _cell_of(grid, place[0], place[1], place[2], place[3], place[4])
+    low = _over_width(flat, cell.corner, cell)[0]
+    high = _over_width(flat, cell.corner + cell.step_x, cell)[0]
     return float(low + cell.x * (high - low))
 
 
 @njit(cache=True)
 def smooth_gradient_at(
-    table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float, gradient_out: np.ndarray
+    flat: np.ndarray,
+    grid: TableGrid,
+    p_x: float,
+    p_y: float,
+    theta: float,
+    v_r: float,
+    v_o: float,
+    gradient_out: np.ndarray,
 ) -> float:
     """Return V and write ∂V/∂x as `value_and_gradient_at` does, but with slopes of W that do not jump between cells.
 
     Along each axis it is the slope of W's mean over a cell's width around the state. Between two cells the slope of W
     itself may change its sign, and a filter that follows it steers left and right in turn, 50 times a second.
     """
-    xi = p_x - shift_of_grid(table, v_r, v_o)
-    if _is_outside(table, 0, xi) or _is_outside(table, 1, p_y):
-        return value_and_gradient_at(table, p_x, p_y, theta, v_r, v_o, gradient_out)
+    xi = p_x - shift_of_grid(grid, v_r, v_o)
+    if _is_outside(grid, 0, xi) or _is_outside(grid, 1, p_y):
+        return value_and_gradient_at(flat, grid, p_x, p_y, theta, v_r, v_o, gradient_out)
     here = (xi, p_y, theta, v_r, v_o)
     for axis in range(5):
-        middle, half = _clamped(table, axis, here[axis]), 0.5 / table.inverse_spacing[axis]
-        low, high = _clamped(table, axis, middle - half), _clamped(table, axis, middle + half)
-        rise = _deficit(table, _moved(here, axis, high)) - _deficit(table, _moved(here, axis, low))
+        middle, half = _clamped(grid, axis, here[axis]), 0.5 / grid.inverse_spacing[axis]
+        low, high = _clamped(grid, axis, middle - half), _clamped(grid, axis, middle + half)
+        rise = _deficit(flat, grid, _moved(here, axis, high)) - _deficit(flat, grid, _moved(here, axis, low))
         gradient_out[axis] = -rise / (high - low)
-    return _value_and_slopes(table, p_x, p_y, theta, v_r, v_o, _deficit(table, here), gradient_out)
+    return _value_and_slopes(grid, p_x, p_y, theta, v_r, v_o, _deficit(flat, grid, here), gradient_out)
 
 
 @njit(cache=True)
@@ -303,32 +285,31 @@ def _moved(
 
 
 @njit(cache=True)
-def value_at(table: TableArrays, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
+def value_at(flat: np.ndarray, grid: TableGrid, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
     """Return V, m; outside the grid as said above."""
-    xi, is_beside = p_x - shift_of_grid(table, v_r, v_o), _is_outside(table, 1, p_y)
-    if _is_outside(table, 0, xi) or (is_beside and not (table.has_target and abs(p_y) <= _FAR_ASIDE)):
+    xi, is_beside = p_x - shift_of_grid(grid, v_r, v_o), _is_outside(grid, 1, p_y)
+    if _is_outside(grid, 0, xi) or (is_beside and not (grid.has_target and abs(p_y) <= _FAR_ASIDE)):
         return math.inf
     if is_beside:
-        return _claimed(table, theta, _target(table, p_x, p_y, theta, v_r, v_o))
-    cell = _cell_of(table, xi, p_y, theta, v_r, v_o)
-    flat = table.flat
+        return _claimed(grid, theta, _target(grid, p_x, p_y, theta, v_r, v_o))
+    cell = _cell_of(grid, xi, p_y, theta, v_r, v_o)
     # The slopes are not used, and the compiler leaves them out.
     low = _over_width(flat, cell.corner, cell)[0]
     high = _over_width(flat, cell.corner + cell.step_x, cell)[0]
     deficit = float(low + cell.x * (high - low))
-    if not table.has_target:
-        return _claimed(table, theta, -deficit)
-    target = _target(table, p_x, p_y, theta, v_r, v_o)
-    return _claimed(table, theta, unscaled(scaled(target) - deficit) if deficit > 0.0 else target)
+    if not grid.has_target:
+        return _claimed(grid, theta, -deficit)
+    target = _target(grid, p_x, p_y, theta, v_r, v_o)
+    return _claimed(grid, theta, unscaled(scaled(target) - deficit) if deficit > 0.0 else target)
 
 
 @njit(cache=True)
-def values_and_gradients(table: TableArrays, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def values_and_gradients(flat: np.ndarray, grid: TableGrid, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return V (N,) and ∂V/∂x (N, 5) at `states` (N, 5)."""
     values = np.empty(states.shape[0])
     gradients = np.empty((states.shape[0], 5))
     for row in range(states.shape[0]):
         values[row] = value_and_gradient_at(
-            table, states[row, 0], states[row, 1], states[row, 2], states[row, 3], states[row, 4], gradients[row]
+            flat, grid, states[row, 0], states[row, 1], states[row, 2], states[row, 3], states[row, 4], gradients[row]
         )
     return values, gradients

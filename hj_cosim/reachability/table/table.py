@@ -14,10 +14,11 @@ from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.solver.solver import SolveReport, state_limits
 from hj_cosim.reachability.table.deficits import deficits
 from hj_cosim.reachability.table.interpolation import interpolate
-from hj_cosim.reachability.table.lookup import TableArrays, values_and_gradients
+from hj_cosim.reachability.table.lookup import values_and_gradients
 from hj_cosim.reachability.table.size_classes import CAR
 from hj_cosim.reachability.table.stack import TableStack, stacked
 from hj_cosim.reachability.table.states import state_rows
+from hj_cosim.reachability.table.table_arrays import TableArrays, TableGrid
 from hj_cosim.settings import TableSpecification
 
 _NO_TARGET = TargetFormula(*(0.0,) * len(TargetFormula._fields))
@@ -69,9 +70,9 @@ class ValueTable:
         else:
             target = game.target_formula(self.parameters)
             deficit = deficits(self.values, lower, spacing, shear, target)
-        return TableArrays(
-            deficit,
-            deficit.reshape(-1),
+        grid_of_it = TableGrid(
+            0,
+            deficit.shape,
             _five(lower),
             _five(upper),
             _five(1.0 / spacing),
@@ -79,6 +80,7 @@ class ValueTable:
             target,
             game.target_formula is not None,
         )
+        return TableArrays(np.ascontiguousarray(deficit).reshape(-1), grid_of_it)
 
     @property
     def by_size(self) -> tuple["ValueTable", ...]:
@@ -132,7 +134,7 @@ class ValueTable:
 
     def _look_up(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if self.game.state == TWO_CARS:
-            return values_and_gradients(self.arrays, rows)
+            return values_and_gradients(*self.arrays, rows)
         grid = self.grid
         return interpolate(
             self.values.reshape(-1),

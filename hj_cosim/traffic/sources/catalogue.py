@@ -16,8 +16,8 @@ from hj_cosim.settings import (
     TrafficSettings,
     explanation,
 )
-from hj_cosim.traffic.route import read_network
-from hj_cosim.traffic.sources.placement import density, stream_speed
+from hj_cosim.traffic.chain import read_lane_count
+from hj_cosim.traffic.sources.density import density, stream_speed
 from hj_cosim.traffic.sources.scenarios import load_scenario, network_path, scenario_names, scenario_path
 
 # The tables of a scenario's TOML, in the order of the template.
@@ -57,15 +57,15 @@ def list_scenarios() -> list[ScenarioEntry]:
 
 def _entry(name: str) -> ScenarioEntry:
     scenario = load_scenario(name)
-    road, _ = read_network(network_path(scenario.network, scenario_path(name).parent), scenario.network)
+    lanes = read_lane_count(network_path(scenario.network, scenario_path(name).parent), scenario.network)
     drawn = not scenario.is_hand_made
     return ScenarioEntry(
         name=name,
-        lanes=road.lane_count,
+        lanes=lanes,
         cars_ahead=scenario.traffic.count + sum(car.x > 0.0 for car in scenario.cars),
         cars_behind=scenario.traffic.count_behind + sum(car.x <= 0.0 for car in scenario.cars),
-        density=round(density(scenario.traffic, road.lane_count), 2) if drawn else 0.0,
-        stream_speed=round(stream_speed(scenario, road.lane_count), 2) if drawn else 0.0,
+        density=round(density(scenario.traffic, lanes), 2) if drawn else 0.0,
+        stream_speed=round(stream_speed(scenario, lanes), 2) if drawn else 0.0,
         description=scenario.description,
     )
 

@@ -43,11 +43,6 @@ def kinds_of(scenario: Scenario) -> tuple[Kind, ...]:
     return (Kind(rest, CAR_LENGTH, CAR_WIDTH, scenario.drivers), *others)
 
 
-def mean_length(scenario: Scenario) -> float:
-    """Return how long the drawn vehicles are on average, m."""
-    return CAR_LENGTH + sum(each.share * (each.length - CAR_LENGTH) for each in scenario.vehicles)
-
-
 def draw_kinds(kinds: Sequence[Kind], count: int, random: np.random.Generator) -> np.ndarray:
     """Return of which kind each of `count` vehicles is, (count,) int; nothing is drawn where all are cars."""
     if len(kinds) == 1:
@@ -75,12 +70,15 @@ def draw_people(kinds: Sequence[Kind], kind: np.ndarray, random: np.random.Gener
     return drivers
 
 
-def expected_drivers(kinds: Sequence[Kind], length: np.ndarray, width: np.ndarray) -> np.ndarray | None:
+def expected_drivers(
+    kinds: Sequence[Kind], length: np.ndarray, width: np.ndarray, *, differ: bool = False
+) -> np.ndarray | None:
     """Return what may be expected of drivers by the bodies (J,) of their vehicles, m: their kinds' means, (J, 6).
 
-    None where all are cars. Of two kinds with the same body nobody sees which is which: the first counts.
+    None where all are cars, unless they `differ` in where they are. Of two kinds with the same body nobody sees which
+    is which: the first counts.
     """
-    if len(kinds) <= 1:
+    if not kinds or (len(kinds) == 1 and not differ):
         return None
     found = np.tile(mean_driver(kinds[CARS].drivers), (len(length), 1))
     for kind in reversed(kinds):

@@ -68,8 +68,13 @@ class OwnConfiguration:
     silenced: tuple[str, ...]
 
 
-def copy_configuration(path: Path, folder: Path) -> OwnConfiguration:
+def copy_configuration(path: Path, folder: Path, added: Path | None = None) -> OwnConfiguration:
     """Read a user's configuration, and write into `folder` what SUMO is to be started with in its place.
+
+    Args:
+        path: theirs.
+        folder: ours.
+        added: an additional file of ours.
 
     Raises:
         ConfigurationError: if it, or a file that it names, is missing or is no SUMO file, or it names no network.
@@ -86,6 +91,9 @@ def copy_configuration(path: Path, folder: Path) -> OwnConfiguration:
         if name in (*ROUTES, *ADDITIONAL):
             parts = [str(copies.silent(Path(part))) for part in parts if part]
         options[name] = ",".join(parts)
+    if added is not None:
+        name = next((each for each in ADDITIONAL if each in options), ADDITIONAL[0])
+        options[name] = ",".join([*filter(None, [options.get(name)]), str(added)])
     network = Path(_absolute(path.parent, networks[0]))
     if not network.is_file():
         raise ConfigurationError(f"{path}: net-file = {shown(repr(networks[0]))}: there is no such file")

@@ -9,9 +9,10 @@ import numpy as np
 
 from hj_cosim.errors import ScenarioError
 from hj_cosim.scene.road import Road
-from hj_cosim.settings import RobotSettings, Scenario, TrafficSettings
+from hj_cosim.settings import RobotSettings, Scenario
 from hj_cosim.traffic.settling import robot_driver
-from hj_cosim.traffic.sources.kinds import CARS, draw_kinds, draw_people, kinds_of, mean_length
+from hj_cosim.traffic.sources.density import density, mean_length, mean_spacing, stream_speed
+from hj_cosim.traffic.sources.kinds import CARS, draw_kinds, draw_people, kinds_of
 from hj_cosim.vehicles.car import CAR_LENGTH
 from hj_cosim.vehicles.idm import (
     DESIRED_SPEED,
@@ -19,6 +20,7 @@ from hj_cosim.vehicles.idm import (
     equilibrium_speed,
     idm_acceleration,
     mean_driver,
+    within_limits,
 )
 
 # What is left free behind the last car and the robot, so that nobody's rear sticks out of the road (m).
@@ -39,25 +41,6 @@ class InitialTraffic:
     length: np.ndarray  # (J,) m
     width: np.ndarray  # (J,) m
     robot: np.ndarray  # (4,) p_x, p_y, θ, v
-
-
-def mean_spacing(traffic: TrafficSettings, lane_count: int) -> float:
-    """Return the mean distance (m) from a car to the next one in whichever lane, 1.5 v exp(−5 n/30) times a factor."""
-    if traffic.density is not None:
-        return 1000.0 / (traffic.density * lane_count)
-    speed = 0.5 * (traffic.speed_low + traffic.speed_high)
-    return traffic.spacing_factor * 1.5 * speed * math.exp(-5.0 * lane_count / 30.0)
-
-
-def density(traffic: TrafficSettings, lane_count: int) -> float:
-    """Return the cars per km and lane."""
-    return 1000.0 / (mean_spacing(traffic, lane_count) * lane_count)
-
-
-def stream_speed(scenario: Scenario, lane_count: int) -> float:
-    """Return the speed (m/s) that a mean driver keeps when every lane holds the scenario's density evenly."""
-    gap = mean_spacing(scenario.traffic, lane_count) * lane_count - mean_length(scenario)
-    return equilibrium_speed(gap, mean_driver(scenario.drivers)) if gap > 0.0 else 0.0
 
 
 def initial_traffic(scenario: Scenario, road: Road, robot: RobotSettings, seed: int) -> InitialTraffic:
@@ -99,6 +82,7 @@ def initial_traffic(scenario: Scenario, road: Road, robot: RobotSettings, seed: 
     _check_room(scenario, road, robot, length, x, lane, start)
 
     everyone = np.vstack([drivers, robot_driver(scenario.drivers, scenario.robot.speed)])
+    everyone = within_limits(everyone, road.speed_limit(np.append(x, 0.0) + start))
     speed = _start_speeds(
         np.append(x, 0.0),
         np.append(lane, scenario.robot.lane),
@@ -142,16 +126,19 @@ def _places(
     nearest[scenario.robot.lane] = max(spacing * lane_count - least, 0.0)
     spacings = (spacing, traffic.spacing_jitter, least)
     over = 0.5 * (length - CAR_LENGTH)
-    ahead = _one_direction(
-        over[: traffic.count], spacings, nearest, lambda x: _lanes_that_last(road, start + x), random
-    )
+
+    def room_ahead(x: float, longer: float) -> np.ndarray:
+        return np.where(_lanes_that_last(road, start + x), _room_beside(scenario, lane_count, x, longer), -math.inf)
+
+    def room_behind(x: float, longer: float) -> np.ndarray:
+        return np.where(_lanes_that_last(road, start - x), _room_beside(scenario, lane_count, -x, longer), -math.inf)
+
+    ahead = _one_direction(over[: traffic.count], spacings, nearest, room_ahead, random)
     nearest = np.full(lane_count, math.inf)
     for x, lane, longer in zip(*ahead, over, strict=False):
         nearest[lane] = min(nearest[lane], x - longer)
     nearest[scenario.robot.lane] = 0.0
-    behind = _one_direction(
-        over[traffic.count :], spacings, -nearest, lambda x: _lanes_that_last(road, start - x), random
-    )
+    behind = _one_direction(over[traffic.count :], spacings, -nearest, room_behind, random)
     return np.concatenate([ahead[0], -behind[0]]), np.concatenate([ahead[1], behind[1]])
 
 
@@ -163,11 +150,20 @@ def _lanes_that_last(road: Road, along: float) -> np.ndarray:
     return lasts
 
 
+def _room_beside(scenario: Scenario, lane_count: int, x: float, over: float) -> np.ndarray:
+    """Return (lanes,) m: how far a drawn car at x is from whom the scenario has placed by hand; `over` as below."""
+    room = np.full(lane_count, math.inf)
+    for car in scenario.cars:
+        if car.lane < lane_count:  # `_check_room` refuses the others
+            room[car.lane] = min(room[car.lane], abs(x - car.x) - over - 0.5 * (car.length - CAR_LENGTH))
+    return room
+
+
 def _one_direction(
     over: np.ndarray,
     spacings: tuple[float, float, float],
     nearest: np.ndarray,
-    lanes_at: Callable[[float], np.ndarray],
+    room_at: Callable[[float, float], np.ndarray],
     random: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return distances (m) from the robot, growing, and lanes.
@@ -176,7 +172,8 @@ def _one_direction(
         over: (count,) by how much half of each is longer than half of a car, m.
         spacings: the mean, its share that varies, and the least in a lane, m.
         nearest: (lanes,) who stands there already, m.
-        lanes_at: which lanes (lanes,) bool a car may stand in at a distance.
+        room_at: of a distance and a car's `over`, the room in each lane (lanes,), m, beside the drawn ones; −inf where
+            there is no lane.
         random: draws.
     """
     spacing, jitter, least = spacings
@@ -185,7 +182,7 @@ def _one_direction(
     lanes = np.empty(count, dtype=np.int64)
     last = nearest.copy()
     for car, distance in enumerate(distances):
-        room = np.where(lanes_at(distance), distance - over[car] - last, -math.inf)
+        room = np.minimum(distance - over[car] - last, room_at(distance, over[car]))
         open_lanes = np.flatnonzero(room >= least)
         lanes[car] = random.choice(open_lanes) if len(open_lanes) else np.argmax(room)
         last[lanes[car]] = distance + over[car]

@@ -55,14 +55,15 @@ class BetweenSteps:
     def at(self, elapsed: float) -> Motion:
         """Return the motion at `elapsed` s after the step's beginning, less than its duration."""
         before, after, share = self._before, self._after, elapsed / self._duration
-        x, speed = _along(self._course, before.x, elapsed)
-        y = before.y + share * self._sideways
+        x, y, heading, speed = _at(
+            self._course, before.x, before.y, before.heading, self._sideways, self._turning, elapsed, share
+        )
         lane = after.lane
         if len(self._crossing):
             lane = lane.copy()
             crossing = self._crossing
             lane[crossing] = self._road.nearest_lanes(y[crossing], x[crossing])
-        return Motion(x, y, before.heading + share * self._turning, speed, after.acceleration, lane)
+        return Motion(x, y, heading, speed, after.acceleration, lane)
 
 
 @njit(cache=True)
@@ -103,15 +104,27 @@ def _advance_evenly(course: np.ndarray, cars: np.ndarray, before: Motion, after:
     course[cars, 3], course[cars, 6] = speed[cars], duration
 
 
+# Eight parameters: arrays as they are, for a NamedTuple costs more to hand over than the loop takes.
 @njit(cache=True)
-def _along(course: np.ndarray, x_before: np.ndarray, elapsed: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the positions (J,), m, and speeds (J,), m/s, at `elapsed` s."""
-    x, speed = np.empty(len(course)), np.empty(len(course))
+def _at(
+    course: np.ndarray,
+    x_before: np.ndarray,
+    y_before: np.ndarray,
+    heading_before: np.ndarray,
+    sideways: np.ndarray,
+    turning: np.ndarray,
+    elapsed: float,
+    share: float,
+) -> np.ndarray:
+    """Return x, y (m), heading (rad) and speed (m/s) of J cars, (4, J), at `elapsed` s, that `share` of the step."""
+    found = np.empty((4, len(course)))
     for car in range(len(course)):
         time = min(elapsed, course[car, 6])
-        x[car] = x_before[car] + time * (course[car, 0] + time * (course[car, 1] + time * course[car, 2]))
-        speed[car] = max(course[car, 3] + time * (course[car, 4] + time * course[car, 5]), 0.0)
-    return x, speed
+        found[0, car] = x_before[car] + time * (course[car, 0] + time * (course[car, 1] + time * course[car, 2]))
+        found[1, car] = y_before[car] + share * sideways[car]
+        found[2, car] = heading_before[car] + share * turning[car]
+        found[3, car] = max(course[car, 3] + time * (course[car, 4] + time * course[car, 5]), 0.0)
+    return found
 
 
 def foreseen(state: np.ndarray, turn_rate: float, acceleration: float, later: float, road: Road) -> np.ndarray:

@@ -21,7 +21,7 @@ from hj_cosim.traffic.sumo.places import EdgePlaces, Places, RoutePlaces, neares
 from hj_cosim.traffic.sumo.puppet import Placement
 from hj_cosim.traffic.sumo.session import libsumo
 from hj_cosim.traffic.sumo_lanes import SumoLanes
-from hj_cosim.vehicles.idm import PARAMETER_NAMES
+from hj_cosim.vehicles.idm import DESIRED_SPEED, PARAMETER_NAMES, within_limits
 
 # setLaneChangeMode has two bits a reason (strategic, cooperative, speed gain, keep right), all 0 here, and then how
 # requests are treated.
@@ -73,13 +73,14 @@ class Fleet:
         self._kinds = kinds
         self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(road, lanes)
         self._lanes_end = lanes is not None and lanes.differ
+        fastest = initial.drivers[:, DESIRED_SPEED].max(initial=robot_driver[DESIRED_SPEED])
+        self._has_limits = bool(road.speed_limits(0.0, road.length)[:, 1].min() < fastest)
         self._is_seen_between_steps = is_seen_between_steps
         self._latest_step: BetweenSteps | None = None
         for name in names:
             libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE + STRATEGIC * self._lanes_end)
         self.vehicle_names = list(names)
-        self._road = road
-        self._known_drivers = initial.drivers
+        self._road, self._known_drivers = road, initial.drivers
         self._names = list(names)  # of those on the road, a name for each row but the robot's
         count = len(names)
         lane = np.append(initial.lane, road.lane_at(initial.robot[1], initial.robot[0]))
@@ -114,8 +115,9 @@ class Fleet:
 
     def _set_rows(self, rows: FleetArrays) -> None:
         self._rows = rows
+        self._moment: tuple[FleetArrays, Motion] | None = None
         self._front_offset = 0.5 * rows.length  # SUMO's positions are of front bumpers
-        self._expected = expected_drivers(self._kinds, rows.length, rows.width)
+        self._expected = expected_drivers(self._kinds, rows.length, rows.width, differ=self._has_limits)
 
     @property
     def drivers(self) -> np.ndarray:
@@ -134,7 +136,7 @@ class Fleet:
         """
         rows = self._rows
         between = self._latest_step
-        motion = rows.motion() if between is None or elapsed == 0.0 else between.at(elapsed)
+        motion = self._motion() if between is None or elapsed == 0.0 else between.at(elapsed)
         cars = slice(len(motion.x))  # those that have entered in the step come last, and are there when it ends
         return Observation(
             time=time,
@@ -150,8 +152,11 @@ class Fleet:
             target_lane=rows.target_lane[cars].copy(),
             length=rows.length[cars],
             width=rows.width[cars],
-            expected_driver=None if self._expected is None else self._expected[cars],
+            expected_driver=None if self._expected is None else self._within_limits(self._expected[cars], motion.x),
         )
+
+    def _within_limits(self, drivers: np.ndarray, along: np.ndarray) -> np.ndarray:
+        return within_limits(drivers, self._road.speed_limit(along)) if self._has_limits else drivers
 
     def request_lane_changes(self, turn: int, step: float) -> None:
         """Let those decide whose turn it is, and ask SUMO for the changes that they want.
@@ -163,7 +168,8 @@ class Fleet:
         rows = self._rows
         deciding = rows.turn == turn % DECISION_TURNS
         deciding[self._changing] = False
-        cars = DrivingCars(rows.x, rows.speed, rows.lane, rows.second_lane, rows.length, rows.driver, rows.mobil)
+        minding = self._within_limits(rows.driver, rows.x)
+        cars = DrivingCars(rows.x, rows.speed, rows.lane, rows.second_lane, rows.length, minding, rows.mobil)
         usable = self._road.lasting_lanes(rows.x, LASTING)
         if self._lanes_end:
             is_ending = (rows.lane < usable[:, 0]) | (rows.lane > usable[:, 1])
@@ -205,7 +211,7 @@ class Fleet:
             self._elsewhere = [name for name in self._elsewhere if name not in arrived]
             self._forget(arrived)
         rows = self._rows
-        before = (rows.number[:-1], rows.motion()) if self._is_seen_between_steps else None
+        before = (rows.number[:-1], self._motion()) if self._is_seen_between_steps else None
         x = np.empty(len(rows.x))
         x[:-1], own_speed = self._places.read(self._names, step)
         x -= self._front_offset
@@ -245,7 +251,7 @@ class Fleet:
 
     def _between(self, numbers: np.ndarray, before: Motion, step: float) -> BetweenSteps:
         """Return how the cars that are still there moved in the step that has just been read; theirs were `numbers`."""
-        after = self._rows.motion()
+        after = self._motion()
         if len(after.x) < len(before.x):
             stays = np.isin(numbers, self._rows.number[:-1])
             before = Motion(*(column[stays] for column in before))
@@ -253,6 +259,12 @@ class Fleet:
         if lap:  # whoever is half a lap away from the robot changes to the other side of it
             before = before._replace(x=before.x + lap * np.round((after.x - before.x) / lap))
         return BetweenSteps(before, after, step, self._road)
+
+    def _motion(self) -> Motion:
+        """Return how the cars move since the last step was read, which is copied once, whoever asks."""
+        if self._moment is None or self._moment[0] is not self._rows:
+            self._moment = self._rows, self._rows.motion()
+        return self._moment[1]
 
     def is_beside_robot(self) -> bool:
         """Return whether a car lies alongside the robot in a lane that both are in: it hits that car, or crowds it."""
@@ -317,12 +329,8 @@ class Fleet:
         lane = self._places.lane(name)
         length = vehicle.getLength(name)
         x = float(self._places.read([name], step)[0][0]) - 0.5 * length
-        one = {"turn": NEVER_ITS_TURN, "heading": 0.0, "acceleration": 0.0, "x": x, "length": length}
-        one |= {
-            "number": self.vehicle_names.index(name),
-            "speed": vehicle.getSpeed(name),
-            "width": vehicle.getWidth(name),
-        }
+        one = {"turn": NEVER_ITS_TURN, "number": self.vehicle_names.index(name), "heading": 0.0, "acceleration": 0.0}
+        one |= {"x": x, "speed": vehicle.getSpeed(name), "length": length, "width": vehicle.getWidth(name)}
         one |= {"lane": lane, "target_lane": lane, "second_lane": lane, "y": self._places.centre(name, lane, x)}
         columns = {key: np.array([value]) for key, value in one.items()}
         columns |= {"driver": estimated_driver(name)[np.newaxis], "mobil": np.zeros((1, 3))}

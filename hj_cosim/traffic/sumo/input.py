@@ -20,8 +20,9 @@ from hj_cosim.vehicles.idm import (
 
 ROUTE = "road"  # what the route is called that all of them take
 LANE_CHANGE_SECONDS = 3.0
-# SUMO takes the least of a car's own top speed and the lane's limit times this factor: the own one shall count.
-IGNORE_SPEED_LIMIT = 100.0
+# SUMO takes the least of a car's own top speed and the lane's limit times a factor. On one edge the own one shall
+# count, on a route, where limits change, the limit too; the robot's speed is ours.
+IGNORE_SPEED_LIMIT, MIND_SPEED_LIMIT = 100.0, 1.0
 STREAMS_BEGIN, STREAMS_END = 1, 1_000_000  # s; after the first step, in which those who stand at places come
 
 
@@ -80,6 +81,8 @@ def write_routes(
     robot: RobotVehicle,
     departure: Departure = lambda lane, front: (0, lane, front),
     streams: Sequence[Stream] = (),
+    *,
+    minds_limits: bool = False,
 ) -> None:
     """Write the route file that puts every car, and the robot, at its place.
 
@@ -91,13 +94,15 @@ def write_routes(
         robot: what it is.
         streams: who comes later.
         departure: from the road's lane and s (m) of a front bumper to SUMO's; of a road that is one edge if left out.
+        minds_limits: whether the cars mind the lanes' speed limits.
     """
+    factor = MIND_SPEED_LIMIT if minds_limits else IGNORE_SPEED_LIMIT
     lines = ["<routes>", f'<route id="{ROUTE}" edges={quoteattr(edges)}/>']
     bodies = list(zip(traffic.length.tolist(), traffic.width.tolist(), strict=True))
     for name, driver, body in zip(names, traffic.drivers, bodies, strict=True):
-        lines.append(vehicle_type(name, driver, driver[DESIRED_SPEED], *body))
+        lines.append(vehicle_type(name, driver, driver[DESIRED_SPEED], body, factor))
     # The robot's speed is not SUMO's to limit.
-    lines.append(vehicle_type(robot.name, robot.driver, 1000.0, robot.length, robot.width))
+    lines.append(vehicle_type(robot.name, robot.driver, 1000.0, (robot.length, robot.width)))
     for name, x, lane, speed, body in zip(names, traffic.x, traffic.lane, traffic.speed, bodies, strict=True):
         lines.append(_vehicle(name, departure(lane, x + 0.5 * body[0]), speed))
     lines.append(_vehicle(robot.name, departure(robot.lane, traffic.robot[0] + 0.5 * robot.length), traffic.robot[3]))
@@ -110,7 +115,7 @@ def write_routes(
 def _stream(stream: Stream) -> list[str]:
     """Return the elements of a stream: its drivers, and the cars that they drive."""
     types = [
-        "    " + vehicle_type(f"{stream.name}_driver_{number}", driver, driver[DESIRED_SPEED], *body)
+        "    " + vehicle_type(f"{stream.name}_driver_{number}", driver, driver[DESIRED_SPEED], body, MIND_SPEED_LIMIT)
         for number, (driver, body) in enumerate(zip(stream.drivers, stream.bodies.tolist(), strict=True))
     ]
     return [
@@ -123,13 +128,20 @@ def _stream(stream: Stream) -> list[str]:
     ]
 
 
-def vehicle_type(name: str, driver: np.ndarray, top_speed: float, length: float, width: float) -> str:
-    """Return the <vType> of one IDM driver: (6,) parameters, top speed m/s, body m."""
+def vehicle_type(
+    name: str,
+    driver: np.ndarray,
+    top_speed: float,
+    body: Sequence[float],
+    speed_factor: float = IGNORE_SPEED_LIMIT,
+) -> str:
+    """Return the <vType> of one IDM driver: (6,) parameters, top speed m/s, body m, share of limits that it drives."""
+    length, width = body
     return (
         f'<vType id="{name}" vClass="passenger" carFollowModel="IDM" length="{length!r}" width="{width!r}"'
         f' accel="{driver[MAX_ACCELERATION]:.17g}" decel="{driver[COMFORTABLE_DECELERATION]:.17g}"'
         f' tau="{driver[TIME_HEADWAY]:.17g}" minGap="{driver[MINIMUM_GAP]:.17g}" delta="{driver[EXPONENT]:.17g}"'
-        f' maxSpeed="{top_speed:.17g}" speedFactor="{IGNORE_SPEED_LIMIT}" speedDev="0"'
+        f' maxSpeed="{top_speed:.17g}" speedFactor="{speed_factor}" speedDev="0"'
         # Without these a car on the right brakes for a slower one on its left.
         ' lcOvertakeRight="1" lcKeepRight="0"/>'
     )

@@ -16,9 +16,11 @@ from hj_cosim.settings import DriverSettings, NetworkSettings, RobotSettings, Sc
 from hj_cosim.traffic.junctions import read_junctions
 from hj_cosim.traffic.road_end import RoadEnd
 from hj_cosim.traffic.route import read_network
+from hj_cosim.traffic.settling import robot_driver
 from hj_cosim.traffic.sources.own_configuration import OwnConfiguration, copy_configuration
 from hj_cosim.traffic.sumo.clocks import TwoClocks
 from hj_cosim.traffic.sumo.known_drivers import known_bodies, typical_driver
+from hj_cosim.traffic.sumo.our_drivers import LaneChanges, OurDrivers, write_driver_types
 from hj_cosim.traffic.sumo.puppet import GHOST, ROBOT, placement, without_ghost
 from hj_cosim.traffic.sumo.route_puppet import RoutePuppet
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo, log
@@ -62,6 +64,7 @@ class OwnWorld:
         step: float,
         traffic_step: float,
         fastest: float | None = None,
+        looks_farther: bool = False,
     ) -> None:
         """Warm the simulation up, and put the robot into a vehicle's place.
 
@@ -73,6 +76,7 @@ class OwnWorld:
             traffic_step: s, SUMO's while the robot drives; a multiple of the robot's.
             fastest: m/s, that is planned, for which the road's bends must not be too sharp; the robot's limit unless
                 given.
+            looks_farther: whether `everybody` is asked for.
 
         Raises:
             ConfigurationError: if the configuration or a file of it cannot be read.
@@ -86,8 +90,11 @@ class OwnWorld:
         with contextlib.ExitStack() as unless_built:
             folder = unless_built.enter_context(temporary_folder())
             unless_built.callback(self._close_session)
-            own = copy_configuration(Path(scenario.own.file), folder)
-            taken = warm_up(own, scenario, read_junctions(own.network), seed, folder, robot.length)
+            self._is_driven_by_us = scenario.own.traffic == "idm-mobil"
+            added = write_driver_types(folder, scenario.drivers, seed) if self._is_driven_by_us else None
+            own = copy_configuration(Path(scenario.own.file), folder, added)
+            self._drivers = OurDrivers(seed) if self._is_driven_by_us else None
+            taken = warm_up(own, scenario, read_junctions(own.network), seed, folder, robot.length, self._drivers)
             self.road, lanes, end = _road_of(own, taken)
             place = _place_of(taken, lanes)
             start = place.start + place.scale * taken.position - robot.length
@@ -95,11 +102,15 @@ class OwnWorld:
             self._resume(own, taken, seed)
             self._robot, self._robot_acceleration = self._take_over(taken, place), 0.0
             self._puppet = RoutePuppet(self.road, lanes, ROUTE)
-            self._surroundings = Surroundings(ROBOT, GHOST, self.road, lanes, scenario.own.near)
+            self._surroundings = Surroundings(ROBOT, GHOST, self.road, lanes, scenario.own.near, farther=looks_farther)
             self._surroundings.read()
+            self._lane_changes: LaneChanges | None = None
+            if self._is_driven_by_us:
+                driver = robot_driver(scenario.drivers, taken.speed)
+                self._lane_changes = LaneChanges(scenario.drivers, driver, robot.length, self.road, lanes)
             near = [self.vehicle_names[number] for number in self.observe().vehicle]
             self.predicted = typical_driver(near, scenario.drivers)
-            self.told = _notes(own, taken, self._clocks.traffic_step, self._end, self.predicted)
+            self.told = _notes(own, taken, self._clocks.traffic_step, self._end, self.predicted, self._is_driven_by_us)
             self._at_the_end = unless_built.pop_all()
 
     def _resume(self, own: OwnConfiguration, taken: TakeOver, seed: int) -> None:
@@ -138,13 +149,18 @@ class OwnWorld:
 
     @property
     def drivers(self) -> np.ndarray:
-        """NaN: nobody knows them; see World."""
-        return self._surroundings.drivers
+        """NaN where they are theirs, whom nobody knows; see World."""
+        return self._surroundings.expected_drivers if self._is_driven_by_us else self._surroundings.drivers
 
     def observe(self) -> Observation:
         """Return the robot and every vehicle near it; see World.observe."""
         clocks = self._clocks
         return self._surroundings.observe(clocks.time, self._robot, self._robot_acceleration, clocks.elapsed)
+
+    def everybody(self) -> Observation:
+        """Return the robot and every vehicle on its road and the ramps beside it; see WorldWithOthers."""
+        clocks = self._clocks
+        return self._surroundings.everybody(clocks.time, self._robot, self._robot_acceleration, clocks.elapsed)
 
     def settle(self, seconds: float) -> None:
         """Do nothing: the traffic has settled around the vehicle that was taken over."""
@@ -170,10 +186,15 @@ class OwnWorld:
         is_beside = self._surroundings.is_beside(self._robot, self._body.length, (now.lane, now.second_lane))
         try:
             self._puppet.correct_speed(float(self._robot[3]))
+            if self._lane_changes is not None:
+                seen, on_the_road = self.observe(), self._surroundings.is_on_the_road
+                self._lane_changes.request(seen, on_the_road, self.vehicle_names, now, self._clocks.traffic_step)
             self._session.expect_moves()
             self._puppet.place(robot, is_beside)
             self._session.step()
             self._puppet.after_step(float(robot_state[3]))
+            if self._drivers is not None:
+                self._drivers.take_those_who_departed()
             self._surroundings.read(self._clocks.traffic_step)
         except SUMO_ERRORS as error:
             raise SimulationError(
@@ -292,7 +313,14 @@ def _make_type(body: RobotSettings) -> None:
     kind.setParameter(ROBOT, "has.rerouting.device", "false")
 
 
-def _notes(own: OwnConfiguration, taken: TakeOver, traffic_step: float, end: RoadEnd, predicted: DriverSettings) -> str:
+def _notes(
+    own: OwnConfiguration,
+    taken: TakeOver,
+    traffic_step: float,
+    end: RoadEnd,
+    predicted: DriverSettings,
+    is_driven_by_us: bool,
+) -> str:
     """Return what was chosen, overridden and silenced, a sentence each, as TOML."""
     driver = ", ".join(
         f"{name} {value:.3g}" for name, value in zip(PARAMETER_NAMES, mean_driver(predicted), strict=True)
@@ -304,6 +332,8 @@ def _notes(own: OwnConfiguration, taken: TakeOver, traffic_step: float, end: Roa
         f"the planner predicts the others as MOBIL and IDM drivers by their types, on average with {driver}",
     ]
     overridden = [f"step-length {own.step:g} -> {traffic_step:g}: cars are where they are seen"]
+    if is_driven_by_us:
+        overridden.append("their drivers -> IDM and MOBIL: --traffic idm-mobil asks for it")
     overridden += [
         f"{name} {given} -> {value}: {why}"
         for name, (value, why) in OVERRIDDEN.items()

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
+from numba import njit
 
 from hj_cosim.scene.road import Road
 from hj_cosim.traffic.sumo.session import libsumo
@@ -105,18 +106,13 @@ class RoutePlaces:
             self._seen = np.empty((count, 2))
             moved: Sequence[int] = range(count)
         else:
-            way = position - self._position
-            unlike = np.minimum(np.abs(way - speed * step), np.abs(way - 0.5 * (self._speed + speed) * step))
-            moved = np.flatnonzero(unlike > _SAME_LANE).tolist()
+            moved = _unlike_their_way(position, self._position, speed, self._speed, step).tolist()
         for car in moved:
             place = self._lanes.by_name.get(vehicle.getLaneID(names[car]))
             self._start[car], self._scale[car] = (math.nan, 1.0) if place is None else (place.start, place.scale)
             self._seen[car] = _ALL_ALONG if place is None or place.beside is None else place.beside.seen
         self._position, self._speed = position, speed
-        fronts = self._start + self._scale * position
-        if self._lanes.ramps:
-            fronts[(position < self._seen[:, 0]) | (position > self._seen[:, 1])] = math.nan
-        return fronts, speed
+        return _fronts(position, self._start, self._scale, self._seen), speed
 
     def knows(self, name: str) -> bool:
         """Return whether a vehicle is on the route, or on a ramp's part that is near it; see Places."""
@@ -144,6 +140,31 @@ class RoutePlaces:
     def heading(self, name: str, along: float, sideways: float, forward: float) -> float:
         """Return the direction in which it moves: SUMO's angles jump where the polylines have their corners."""
         return math.atan2(sideways, forward) if forward > abs(sideways) else 0.0
+
+
+@njit(cache=True)
+def _unlike_their_way(
+    position: np.ndarray, position_before: np.ndarray, speed: np.ndarray, speed_before: np.ndarray, step: float
+) -> np.ndarray:
+    """Return the cars whose way in a step is not what their speeds (J,) make it, the new ones or the mean ones."""
+    found, count = np.empty(len(position), np.int64), 0
+    for car in range(len(position)):
+        way = position[car] - position_before[car]
+        by_new, by_mean = speed[car] * step, 0.5 * (speed_before[car] + speed[car]) * step
+        if min(abs(way - by_new), abs(way - by_mean)) > _SAME_LANE:
+            found[count] = car
+            count += 1
+    return found[:count]
+
+
+@njit(cache=True)
+def _fronts(position: np.ndarray, start: np.ndarray, scale: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Return s (J,) of lane positions, NaN of those that are not between the two (J, 2) where they are seen, m."""
+    fronts = np.empty(len(position))
+    for car in range(len(position)):
+        is_seen = seen[car, 0] <= position[car] <= seen[car, 1]
+        fronts[car] = start[car] + scale[car] * position[car] if is_seen else math.nan
+    return fronts
 
 
 def nearest_lap(along: np.ndarray, lap: float, near: float) -> np.ndarray:

@@ -13,6 +13,7 @@ from hj_cosim.traffic.junctions import Junctions
 from hj_cosim.traffic.net_file import CAR_CLASS
 from hj_cosim.traffic.sources.own_configuration import OwnConfiguration
 from hj_cosim.traffic.sumo.insertion import inserted
+from hj_cosim.traffic.sumo.our_drivers import OurDrivers
 from hj_cosim.traffic.sumo.session import SUMO_ERRORS, SumoSession, libsumo
 from hj_cosim.traffic.sumo.take_over import TakeOver, edges_behind
 
@@ -31,6 +32,7 @@ def warm_up(
     seed: int,
     folder: Path,
     length: float,
+    drivers: OurDrivers | None = None,
 ) -> TakeOver:
     """Run a user's simulation until a vehicle can be taken over, and save it.
 
@@ -41,6 +43,7 @@ def warm_up(
         seed: SUMO's, and of the choice among the vehicles that go about as far as any.
         folder: for the state that is saved.
         length: of the robot, m.
+        drivers: ours, who drive all vehicles; their own do unless given.
 
     Raises:
         ScenarioError: if no vehicle can be taken over, or not the one that is asked for.
@@ -51,7 +54,9 @@ def warm_up(
     try:
         words = ["sumo", "--configuration-file", str(own.copy), *quiet(session.warnings_file), *_exactly_saved(seed)]
         session.start(words, str(own.path))
-        return _search(own, scenario, junctions, seed, state, length)
+        if drivers is not None:
+            drivers.take_the_wheel(libsumo.vehicle.getIDList())
+        return _search(own, scenario, junctions, seed, state, _Run(length, drivers))
     except SUMO_ERRORS as error:
         raise SimulationError(f"SUMO failed while {own.path} warmed up: {' '.join(str(error).split())}") from error
     finally:
@@ -78,8 +83,21 @@ def resumed(own: OwnConfiguration, taken: TakeOver, seed: int) -> list[str]:
     return [*words, "--load-state", str(taken.state), "--begin", repr(taken.time)]
 
 
+@dataclass(frozen=True)
+class _Run:
+    length: float  # m, of the robot
+    drivers: OurDrivers | None
+
+    def until(self, time: float) -> None:
+        """Let the simulation run up to a time, s."""
+        while libsumo.simulation.getTime() < time - 1e-9:
+            libsumo.simulationStep()
+            if self.drivers is not None:
+                self.drivers.take_those_who_departed()
+
+
 def _search(
-    own: OwnConfiguration, scenario: Scenario, junctions: Junctions, seed: int, state: Path, length: float
+    own: OwnConfiguration, scenario: Scenario, junctions: Junctions, seed: int, state: Path, run: _Run
 ) -> TakeOver:
     simulation, wish = libsumo.simulation, scenario.own
     start = _start(own, wish, seed)
@@ -90,12 +108,12 @@ def _search(
         )
     every = EGO_SEARCHED_EVERY if wish.ego else SEARCHED_EVERY
     last = min(own.end, start + (LONGEST_SIMULATION if wish.ego else LONGEST_SEARCH))
-    _run_until(start)
+    run.until(start)
     refusal = "there is no vehicle"
     while True:
         found: TakeOver | _Candidate | str | None
         if scenario.robot.edge:
-            found = inserted(scenario.robot, length, junctions, state)
+            found = inserted(scenario.robot, run.length, junctions, state)
         else:
             found = _choose(wish.ego, junctions, seed)
         if isinstance(found, _Candidate):
@@ -107,7 +125,7 @@ def _search(
             refusal = found
         if simulation.getTime() >= last or (simulation.getMinExpectedNumber() == 0 and not scenario.robot.edge):
             raise ScenarioError(f"{own.path}, {start:.0f} to {simulation.getTime():.0f} s: {refusal}")
-        _run_until(min(float(simulation.getTime()) + every, last))
+        run.until(min(float(simulation.getTime()) + every, last))
 
 
 def _start(own: OwnConfiguration, wish: OwnSimulationSettings, seed: int) -> float:
@@ -137,11 +155,6 @@ def _taken_over(found: "_Candidate", junctions: Junctions, state: Path) -> TakeO
         position=float(vehicle.getLanePosition(name)),
         speed=float(vehicle.getSpeed(name)),
     )
-
-
-def _run_until(time: float) -> None:
-    while libsumo.simulation.getTime() < time - 1e-9:
-        libsumo.simulationStep()
 
 
 @dataclass(frozen=True)

@@ -112,7 +112,8 @@ class SumoWorld:
                 write_routes(routes, scenario.network.edge, initial, names, robot)
             else:
                 streams = drawn_streams(scenario, seed)
-                write_routes(routes, self._lanes.route, initial, names, robot, self._lanes.departure, streams)
+                departure = self._lanes.departure
+                write_routes(routes, self._lanes.route, initial, names, robot, departure, streams, minds_limits=True)
         warnings, looks = self._session.warnings_file, scenario.traffic.check_collisions
         words = command_line(network, routes, warnings, self._clocks.traffic_step, seed, looks)
         if self._clocks.ratio > 1:
@@ -200,7 +201,7 @@ class SumoWorld:
             is_beside_somebody = self._fleet.is_beside_robot()
             self._request_lane_changes()
             self._session.expect_moves()
-            if rogues_begin:
+            if rogues_begin and self._rogues.roles:
                 self._rogues.place(self.observe(), self._clocks.traffic_step)
             self._puppet.place(robot, is_beside_somebody)
             self._session.step()

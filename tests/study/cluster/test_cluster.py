@@ -2,61 +2,20 @@
 
 import inspect
 import os
-import re
 import shutil
-import subprocess
 import sys
-import time
 from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
+from loopback_cluster import LoopbackCluster
+from own_configurations import content, simulation
 
 from hj_cosim.errors import WorkerError
 from hj_cosim.reachability.games.highway import game
 from hj_cosim.study import cluster
 from hj_cosim.study.cluster import DaskCluster
 from hj_cosim.study.study import run_study
-
-
-class LoopbackCluster:
-    """A scheduler and workers, each a process of its own that finds `synthetic_episodes`."""
-
-    def __init__(self, folder: Path, path: str) -> None:
-        self._folder = folder
-        self._environment = {**os.environ, "PYTHONPATH": path, "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "20s"}
-        self.processes: list[subprocess.Popen[bytes]] = []
-        scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
-        self.address = self._await(scheduler, r"Scheduler at:\s+(tcp://\S+)")
-
-    def add_worker(self) -> subprocess.Popen[bytes]:
-        """Start a worker without a nanny, so that nothing replaces it when it is killed."""
-        log = self._start(
-            "worker", self.address, "--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1"
-        )
-        self._await(log, r"Registered to")
-        return self.processes[-1]
-
-    def stop(self) -> None:
-        for process in reversed(self.processes):
-            process.kill()
-            process.wait()
-
-    def _start(self, kind: str, *arguments: str) -> Path:
-        log = self._folder / f"{kind}-{len(self.processes)}.log"
-        with log.open("wb") as stream:
-            command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *arguments]
-            self.processes.append(
-                subprocess.Popen(command, stderr=stream, stdout=stream, env=self._environment, cwd=self._folder)
-            )
-        return log
-
-    def _await(self, log: Path, pattern: str) -> str:
-        for _ in range(1200):
-            if found := re.search(pattern, log.read_text()):
-                return found.group(found.re.groups)
-            time.sleep(0.05)
-        raise AssertionError(f"no {pattern!r} in {log.read_text()}")
 
 
 @pytest.fixture
@@ -199,3 +158,33 @@ def test_planners_filters_and_games_in_files_travel_to_workers_that_do_not_have_
     assert list(study.table["episodes"]) == [1, 1, 0]
     config = (study.folder / "episodes" / "KeepRight-none" / "0" / "config.toml").read_text()
     assert f'kind = "{place}/mine.py:KeepRight"' in config
+
+
+def test_a_users_own_simulation_is_driven_by_two_workers_as_by_one_process(
+    start_cluster, small_specification, small_table, tmp_path
+):
+    """Their files lie where every worker reads them; two stacks, two seeds, their drivers and ours."""
+    theirs = simulation(tmp_path / "theirs")
+    before = content(theirs.parent)
+    asked = {
+        "stacks": ["idle-none", "hjop-spc-mi"],
+        "episodes": 2,
+        "seed": 1000,
+        "vary": "scenario.own.traffic=theirs,idm-mobil",
+        "settings": [f"table={small_specification}", "simulation.duration=1", "scenario.own.warm_up=30"],
+    }
+    workers = start_cluster()
+    for _ in range(2):
+        workers.add_worker()
+    driven = run_study(str(theirs), scheduler=workers.address, out=tmp_path / "cluster", **asked)
+    assert (driven.failures, driven.missing) == ((), 0)
+    reference = run_study(str(theirs), workers=1, out=tmp_path / "reference", **asked)
+    for name in ("table.csv", "differences.csv", "episodes.parquet"):
+        assert (driven.folder / name).read_bytes() == (reference.folder / name).read_bytes(), name
+    runs = sorted(path.parent.relative_to(driven.folder) for path in driven.folder.glob("episodes/**/summary.json"))
+    assert len(runs) == 8
+    for run in runs:
+        for name in ("config.toml", "own_simulation.toml", "trajectories.parquet", "robot.parquet", "summary.json"):
+            one, other = driven.folder / run / name, reference.folder / run / name
+            assert one.read_bytes() == other.read_bytes(), (run, name)
+    assert content(theirs.parent) == before

@@ -103,7 +103,7 @@ def guaranteed_by_duties(
         x, y = p_x + row[X], p_y + row[Y]
         if instant >= first:
             from_behind = target.rear_0 + fastest * (target.rear_1 + fastest * target.rear_2) - row[AS_FRONT]
-            to_the_front = row[AS_REAR] - target.front_2 * slowest * slowest
+            to_the_front = row[AS_REAR] - slowest * (target.front_1 + slowest * target.front_2)
             if x > most:
                 along = x - most - target.length - max(from_behind, 0.0)
             elif x < least:
@@ -147,8 +147,14 @@ def require_hold(game: Game, acceleration_min: float) -> None:
         acceleration_min: m/s², of the robot.
 
     Raises:
-        TableError: if somebody brakes less than V(0, ·) counts on behind, or more ahead.
+        TableError: if somebody brakes less than V(0, ·) counts on behind, or more ahead, or V(0, ·) counts on no
+            braking at all.
     """
+    if game.target.rear_2 == 0.0 or game.target.front_2 == 0.0:
+        raise TableError(
+            "among cars that do their duties braking keeps RSS's gaps, and no time to collision; solve the game with"
+            " responsible = 0, or set filter.keep_escape=false and capped_by_manoeuvres = false"
+        )
     behind, ahead = 0.5 / game.target.rear_2, 0.5 / game.target.front_2
     for who, brakes, limit, is_enough in (
         ("a robot", -acceleration_min, behind, -acceleration_min >= behind - _ROUNDING),

@@ -182,7 +182,7 @@ def _gaps(game: Game, other: Other, time: float, p_x: float, p_y: float, robot: 
     most = 0.5 * (other.speed + fastest) * gaining + fastest * (time - gaining)
     least = game.other_forward * (0.5 * (other.speed + slowest) * braking + slowest * (time - braking))
     from_behind = max(target.rear_0 + fastest * (target.rear_1 + fastest * target.rear_2) - robot[AS_FRONT], 0.0)
-    to_the_front = max(robot[AS_REAR] - target.front_2 * slowest * slowest, 0.0)
+    to_the_front = max(robot[AS_REAR] - slowest * (target.front_1 + slowest * target.front_2), 0.0)
     x, y, sideways = p_x + robot[X], p_y + robot[Y], game.other_sideways * most
     return Gaps(
         ahead=x - most - target.length - from_behind,
@@ -250,23 +250,21 @@ def guaranteed(game: Game, path: np.ndarray, first: int, other: Other, p_x: floa
     if game.other.responsible:
         return guaranteed_by_duties(game, path, first, other.speed, p_x, p_y, floor)
     before = _gaps(game, other, path[first, TIME], p_x, p_y, path[first])
+    # Where a gap ceases to shrink as fast: ahead of the other car at its top speed, and behind it where it stops, if
+    # the distance shrinks in proportion to its speed.
+    until_stop = other.until_stop if game.target.front_1 > 0.0 else math.inf
+    kinks = (min(until_stop, other.until_top), max(until_stop, other.until_top))
     along, _ = _along(before, before)
     left, right = max(along, 4.0 * before.left**3), max(along, 4.0 * before.right**3)
     for instant in range(first + 1, len(path)):
         last, row = path[instant - 1], path[instant]
-        bend_ahead = row[BEND_AHEAD]
-        if last[TIME] < other.until_top < row[TIME]:
-            # There the gap ahead of the other car ceases to shrink as fast: an instant of its own, the robot's gaps
-            # where they are at least.
-            bend_ahead = row[BEND_AHEAD_OF_FASTEST]
-            share = (other.until_top - last[TIME]) / (row[TIME] - last[TIME])
-            between = _lowered(
-                _gaps(game, other, other.until_top, p_x, p_y, last + share * (row - last)), row, bend_ahead
-            )
-            left, right = _worst_of_step(before, between, row, bend_ahead, left, right)
-            before = between
-        elif last[TIME] >= other.until_top:
-            bend_ahead = row[BEND_AHEAD_OF_FASTEST]
+        bend_ahead = row[BEND_AHEAD] if row[TIME] <= other.until_top else row[BEND_AHEAD_OF_FASTEST]
+        for at in kinks:
+            if last[TIME] < at < row[TIME]:  # an instant of its own, the robot's gaps where they are at least
+                share = (at - last[TIME]) / (row[TIME] - last[TIME])
+                between = _lowered(_gaps(game, other, at, p_x, p_y, last + share * (row - last)), row, bend_ahead)
+                left, right = _worst_of_step(before, between, row, bend_ahead, left, right)
+                before = between
         after = _gaps(game, other, row[TIME], p_x, p_y, row)
         left, right = _worst_of_step(before, after, row, bend_ahead, left, right)
         if max(left, right) <= floor:

@@ -94,7 +94,7 @@ def _write_instant(target: TargetFormula, at: Motion, row: np.ndarray) -> None:
     sticking = target.sticking * abs(at.sin)
     row[TIME], row[X], row[Y] = at.time, at.x, at.y
     row[AS_REAR] = target.rear_0 + at.speed * (target.rear_1 + at.speed * target.rear_2)
-    row[AS_FRONT] = target.front_2 * at.speed * at.speed
+    row[AS_FRONT] = at.speed * (target.front_1 + at.speed * target.front_2)
     leftwards = at.speed * at.sin
     row[SPEED], row[LEFTWARDS] = at.speed, leftwards
     for side, column in ((1.0, LEFT), (-1.0, RIGHT)):

@@ -111,7 +111,7 @@ def _rows_of_cars(
     bound: float,
     numbers: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    target, other = _game_in(numbers, 0)
+    target, other = game_in(numbers, 0)
     before, state = 0, np.empty(5)
     chosen, rows = np.empty(len(values), np.int64), np.empty((len(values), 8))
     count = 0
@@ -119,7 +119,7 @@ def _rows_of_cars(
         if values[j] <= bound:
             kind = class_of(numbers, length[j], width[j])
             if kind != before:
-                target, other = _game_in(numbers, kind)
+                target, other = game_in(numbers, kind)
                 before = kind
             state[0], state[1] = offsets_in_class(numbers, kind, robot[0] - x[j], robot[1] - y[j], length[j], width[j])
             state[2], state[3], state[4] = robot[2], robot[3], speed[j]
@@ -130,10 +130,32 @@ def _rows_of_cars(
 
 
 @njit(cache=True)
-def _game_in(numbers: np.ndarray, kind: int) -> tuple[TargetFormula, Disturbance]:
+def game_in(numbers: np.ndarray, kind: int) -> tuple[TargetFormula, Disturbance]:
     """Return V(0, ·) and the assumption of a size class, by its row; the largest body of the class comes first."""
     row = numbers[kind, 2:]
     return formula_from(row), disturbance_from(row[FORMULA_NUMBERS:])
+
+
+def row_numbers(
+    parameters: Mapping[str, float], larger: Sequence[tuple[SizeClass, Mapping[str, float]]] = ()
+) -> np.ndarray:
+    """Return what `game_in` reads, (classes, n): a size class's largest body, V(0, ·) and the assumption.
+
+    Args:
+        parameters, larger: as `closed_rows` takes them.
+
+    Raises:
+        TableError: if they are the parameters of another game.
+    """
+    return np.array(
+        [
+            [*body, *packed((TargetFormula.of_game(each), Disturbance.of_game(each)))]
+            for body, each in [
+                ((CAR_LENGTH, CAR_WIDTH), parameters),
+                *(((size.length, size.width), of_class) for size, of_class in larger),
+            ]
+        ]
+    )
 
 
 def closed_rows(
@@ -145,15 +167,7 @@ def closed_rows(
         parameters: all of a highway game.
         larger: size classes of larger cars, the smallest first, and all of the parameters of the games with them.
     """
-    numbers = np.array(
-        [
-            [*body, *packed((TargetFormula.of_game(each), Disturbance.of_game(each)))]
-            for body, each in [
-                ((CAR_LENGTH, CAR_WIDTH), parameters),
-                *(((size.length, size.width), of_class) for size, of_class in larger),
-            ]
-        ]
-    )
+    numbers = row_numbers(parameters, larger)
 
     def rows_of_cars(
         robot: np.ndarray, cars: Cars, values: np.ndarray, gradients: np.ndarray, bound: float

@@ -29,7 +29,7 @@ _PARAMETERS = (
 class TargetFormula(NamedTuple):
     """V(0, x) = max(|p_x| − length − d_long, 4 (|p_y| − width − sticking |sin θ| − d_lat)³), as polynomials.
 
-    d_long = [rear_0 + rear_1 v_rear + rear_2 v_rear² − front_2 v_front²]_+
+    d_long = [rear_0 + rear_1 v_rear + rear_2 v_rear² − front_1 v_front − front_2 v_front²]_+
     d_lat  = [lateral_0 + response s + lateral_2 [s + gained]_+²]_+, s the robot's speed towards the other car's side
     """
 
@@ -44,6 +44,7 @@ class TargetFormula(NamedTuple):
     gained: float  # m/s, in the response time
     lateral_2: float  # s²/m
     sticking: float  # m, half of what the robot's body is long: by so much times |sin θ| it reaches to either side
+    front_1: float  # s; 0 by RSS
 
     # Ten parameters: the formula's own, by the names that the game has for them.
     @classmethod
@@ -76,12 +77,20 @@ class TargetFormula(NamedTuple):
             gained=sideways,
             lateral_2=1.0 / (2.0 * lateral_brake),
             sticking=0.5 * turned_length,
+            front_1=0.0,
         )
 
     @classmethod
     def of_game(cls, parameters: Mapping[str, float]) -> "TargetFormula":
-        """Return the formula for all parameters of a highway game, which may be more than it needs."""
-        return cls.of(**{name: parameters[name] for name in _PARAMETERS})
+        """Return the formula for all parameters of a highway game, which may be more than it needs.
+
+        A game that has `time_to_collision` (`time_to_collision`) keeps that instead of RSS's distance along the road.
+        """
+        formula = cls.of(**{name: parameters[name] for name in _PARAMETERS})
+        if "time_to_collision" not in parameters:
+            return formula
+        time, gap = parameters["time_to_collision"], parameters["gap_at_collision"]
+        return formula._replace(rear_0=gap, rear_1=time, rear_2=0.0, front_1=time, front_2=0.0)
 
 
 FORMULA_NUMBERS = len(TargetFormula._fields)
@@ -98,7 +107,8 @@ def _longitudinal_gap(formula: TargetFormula, p_x: float, v_r: float, v_o: float
     """Return |p_x| − length − d_long, and d_long; the rear car is the one with the smaller p_x."""
     ahead = p_x > 0.0
     rear, front = (v_o if ahead else v_r), (v_r if ahead else v_o)
-    distance = formula.rear_0 + rear * (formula.rear_1 + rear * formula.rear_2) - formula.front_2 * front * front
+    distance = formula.rear_0 + rear * (formula.rear_1 + rear * formula.rear_2)
+    distance -= front * (formula.front_1 + front * formula.front_2)
     distance = max(distance, 0.0)
     return abs(p_x) - formula.length - distance, distance
 
@@ -168,7 +178,7 @@ def _longitudinal_term(formula: TargetFormula, p_x: float, v_r: float, v_o: floa
     rear, front = (v_o if ahead else v_r), (v_r if ahead else v_o)
     grows = 1.0 if longitudinal > 0.0 else 0.0
     by_rear = -grows * (formula.rear_1 + 2.0 * formula.rear_2 * rear)
-    by_front = grows * 2.0 * formula.front_2 * front
+    by_front = grows * (formula.front_1 + 2.0 * formula.front_2 * front)
     if ahead:
         return Term(gap, 1.0, 0.0, 0.0, by_front, by_rear)
     return Term(gap, -1.0, 0.0, 0.0, by_rear, by_front)
