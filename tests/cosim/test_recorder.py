@@ -77,7 +77,8 @@ def test_what_the_filter_believes_is_recorded_and_written_for_cars_that_come_lat
         recorder.record(seen, values, Plan(IDLE, Target(1, 24.0)), CONTROL, decision, 0.0)
     record = recorder.finish("duration")
     assert (type(record.traffic) is SpilledTraffic) is spilled
-    write_run(tmp_path / "run", record, 'seed = 1\n[scenario]\nname = "made up"\n', {})
+    summary = summarize(record, EpisodeConfig(scenario=Scenario(name="made up")))
+    write_run(tmp_path / "run", record, 'seed = 1\n[scenario]\nname = "made up"\n', summary)
     for each in (record, read_run(tmp_path / "run").record):
         assert each.belief.shape == (len(observations), len(names))
         where = np.isfinite(each.belief)
@@ -85,7 +86,7 @@ def test_what_the_filter_believes_is_recorded_and_written_for_cars_that_come_lat
 
 
 def test_a_filter_that_believes_nothing_leaves_nothing_recorded(tmp_path):
-    assert recorded(*coming_and_going(20), tmp_path / "run").belief is None
+    assert recorded(*coming_and_going(30), tmp_path / "run").belief is None
 
 
 def coming_and_going(samples: int = 400) -> tuple[list[Observation], list[str]]:

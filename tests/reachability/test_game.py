@@ -133,7 +133,7 @@ def test_rows_of_a_game_of_ones_own_are_the_least_rise_of_v_that_trying_finds(wi
 def test_a_game_of_ones_own_is_looked_up_filtered_and_planned_with(windy: ValueTable) -> None:
     assert windy.game.name == "windy"
     states = windy.draw_states(50, np.random.default_rng(7))
-    assert values_and_gradients(windy.arrays, states)[0] == pytest.approx(windy.value(states))
+    assert values_and_gradients(*windy.arrays, states)[0] == pytest.approx(windy.value(states))
     robot, road = RobotSettings(), StraightRoad(4)
     spc = make_filter(FilterSettings(kind="spc", keep_escape=False), robot, road, windy, 0.02)
     close = scene((12.0, 4.0, 15.0))
@@ -198,4 +198,4 @@ def test_the_name_that_earlier_files_give_their_game_still_serves(tmp_path: Path
 
 def test_every_game_that_comes_with_the_package_says_which_variables_are_angles() -> None:
     angles = {name: game.angles for name, game in registered_games().items()}
-    assert angles == {"highway": ("theta",), "air3d": ("psi",), "double_integrator": ()}
+    assert angles == {"highway": ("theta",), "highway_ttc": ("theta",), "air3d": ("psi",), "double_integrator": ()}

@@ -31,7 +31,7 @@ def arrays_of(values: np.ndarray) -> TableArrays:
         tuple(float(axis[-1]) for axis in AXES),  # type: ignore[arg-type]
         tuple(float(1.0 / (axis[1] - axis[0])) for axis in AXES),  # type: ignore[arg-type]
         0.0,
-        TargetFormula(*[0.0] * 11),
+        TargetFormula(*[0.0] * len(TargetFormula._fields)),
         has_target=False,
     )
     return TableArrays(deficit.reshape(-1), grid)

@@ -221,7 +221,7 @@ def test_a_file_that_is_no_game_is_refused_in_a_sentence(tmp_path: Path, source:
 
 
 def test_an_unknown_game_is_answered_with_the_known_ones() -> None:
-    with pytest.raises(ConfigurationError, match="highway, air3d, double_integrator"):
+    with pytest.raises(ConfigurationError, match="highway, highway_ttc, air3d, double_integrator"):
         find_game("hyghway")
 
 

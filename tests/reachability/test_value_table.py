@@ -179,7 +179,7 @@ def test_a_user_game_is_solved_from_its_own_file(tmp_path: Path) -> None:
 
 def test_a_highway_table_is_looked_up_as_planning_and_filtering_do(small_table: ValueTable) -> None:
     states = np.random.default_rng(0).uniform(-200.0, 200.0, (300, 5)) * [1.0, 1.0, 0.01, 1.0, 1.0]
-    values, gradients = values_and_gradients(small_table.arrays, states)
+    values, gradients = values_and_gradients(*small_table.arrays, states)
     assert np.array_equal(small_table.value(states), values)
     assert np.array_equal(small_table.gradient(states), gradients)
     assert not small_table.in_grid(states[np.isinf(values)]).any()
@@ -194,7 +194,7 @@ def test_a_game_with_the_same_state_and_another_target_is_interpolated_itself(sm
     )
     lower, upper = np.array(table.grid.lower), np.array(table.grid.upper)
     states = np.random.default_rng(1).uniform(lower, upper, (300, 5))
-    values, gradients = values_and_gradients(table.arrays, states)
+    values, gradients = values_and_gradients(*table.arrays, states)
     assert table.value(states) == pytest.approx(values, rel=1e-5, abs=1e-3)
     assert table.gradient(states) == pytest.approx(gradients, rel=1e-3, abs=1e-2)
     assert (values > small_table.value(states)).any()

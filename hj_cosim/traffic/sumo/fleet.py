@@ -70,18 +70,16 @@ class Fleet:
             kinds: of vehicles, by which drivers are told from one another; all are cars unless given.
             is_seen_between_steps: whether the cars are observed between two steps too; SUMO has to be ballistic then.
         """
-        self._kinds = kinds
         self._places: Places = EdgePlaces(road) if lanes is None else RoutePlaces(road, lanes)
-        self._lanes_end = lanes is not None and lanes.differ
+        self._kinds, self._lanes_end = kinds, lanes is not None and lanes.differ
         fastest = initial.drivers[:, DESIRED_SPEED].max(initial=robot_driver[DESIRED_SPEED])
         self._has_limits = bool(road.speed_limits(0.0, road.length)[:, 1].min() < fastest)
         self._is_seen_between_steps = is_seen_between_steps
         self._latest_step: BetweenSteps | None = None
         for name in names:
             libsumo.vehicle.setLaneChangeMode(name, ONLY_REQUESTED_IF_SAFE + STRATEGIC * self._lanes_end)
-        self.vehicle_names = list(names)
         self._road, self._known_drivers = road, initial.drivers
-        self._names = list(names)  # of those on the road, a name for each row but the robot's
+        self.vehicle_names, self._names = list(names), list(names)  # the second: a row's, of those on the road
         count = len(names)
         lane = np.append(initial.lane, road.lane_at(initial.robot[1], initial.robot[0]))
         self._set_rows(
@@ -326,8 +324,7 @@ class Fleet:
         if name not in self.vehicle_names:
             self.vehicle_names.append(name)
         vehicle, rows = libsumo.vehicle, self._rows
-        lane = self._places.lane(name)
-        length = vehicle.getLength(name)
+        lane, length = self._places.lane(name), vehicle.getLength(name)
         x = float(self._places.read([name], step)[0][0]) - 0.5 * length
         one = {"turn": NEVER_ITS_TURN, "number": self.vehicle_names.index(name), "heading": 0.0, "acceleration": 0.0}
         one |= {"x": x, "speed": vehicle.getSpeed(name), "length": length, "width": vehicle.getWidth(name)}
