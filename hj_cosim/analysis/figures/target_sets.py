@@ -48,7 +48,7 @@ def target_sets(table: pd.DataFrame, width: int = style.PAGE) -> style.Drawing:
 
 
 def _message(table: pd.DataFrame) -> str:
-    """Return which table is safest most often, as a sentence."""
+    """Return which table is safest, or as safe as another, most often."""
     known = table.dropna(subset=[SAFETY])
     if known.empty:
         return "No stack has a 2D TTC"
@@ -56,7 +56,7 @@ def _message(table: pd.DataFrame) -> str:
     name = safest[TABLE].mode(dropna=False).iloc[0]
     own, count = int((safest[TABLE] == name).sum()), len(safest)
     where = str(safest["scenario"].iloc[0]) if count == 1 else f"{own} of {count} traffics"
-    return f"{name} is safest in {where} (up is safer, right is faster)".replace("$", r"\$")
+    return f"In {where} no table is safer than {name} (up is safer, right is faster)".replace("$", r"\$")
 
 
 def _draw(axes: Axes, rows: pd.DataFrame, name: str, number: int) -> None:
