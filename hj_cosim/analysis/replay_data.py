@@ -12,6 +12,7 @@ from hj_cosim.analysis.values import car_values
 from hj_cosim.analysis.view import height_of, stretches
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import RunRecord
+from hj_cosim.scene.road import Road
 from hj_cosim.settings import TrackingSettings
 
 NEAR = 120.0  # m, cars within this are shown
@@ -92,12 +93,16 @@ def replay_data(
             **believed,
         },
     }
-    return shown if record.road.is_straight else {**shown, "bend": _bend(record)}
+    return shown if record.road.is_straight else {**shown, "bend": bend(record.road, record.robot.x)}
 
 
-def _bend(record: RunRecord) -> dict[str, Any]:
-    """Return the road as it bends along a drive: its line d = 0 every EVERY m of s, and the lanes of its stretches."""
-    road, driven = record.road, record.robot.x
+def bend(road: Road, driven: np.ndarray) -> dict[str, Any]:
+    """Return the road as it bends along a drive: its line d = 0 every EVERY m of s, and the lanes of its stretches.
+
+    Args:
+        road: that bends.
+        driven: s of the robot (T,), m, sample by sample.
+    """
     first, last = float(driven.min()) - SHOWN_BEHIND, float(driven.max()) + SHOWN_AHEAD
     along = np.arange(first, last + EVERY, EVERY)
     x, y, heading = road.to_world(along, 0.0 * along, 0.0 * along)

@@ -9,7 +9,7 @@ import numpy as np
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.value_plot import VALUE_LIMIT
 from hj_cosim.analysis.html import page, resource
-from hj_cosim.analysis.replay_data import NEAR, colours, encoded
+from hj_cosim.analysis.replay_data import LOOKED_AT_EVERY, NEAR, bend, colours, encoded
 from hj_cosim.control.contract import FilterDecision
 from hj_cosim.metrics.threats import threat_track
 from hj_cosim.planning.contract import Plan
@@ -21,6 +21,7 @@ from hj_cosim.watching.server import WatchServer
 
 PER_SECOND = 10  # samples that are shown
 STRETCH = 5  # of them are sent together
+LOOKS = 100  # at a road that bends, to know how high its picture has to be
 
 Seen = tuple[Observation, CarValues, Plan, Control, FilterDecision]
 
@@ -43,7 +44,7 @@ class LiveDrive:
     def __init__(self, server: WatchServer) -> None:
         self._server = server
         self._seen: list[Seen] = []
-        self._named = 0
+        self._named, self._has_begun = 0, False
         self._send: Callable[[], None] = lambda: None
 
     def beside(self, config: EpisodeConfig, world: World, record: Callable[..., None]) -> Callable[..., None]:
@@ -88,10 +89,12 @@ class LiveDrive:
         names = list(world.vehicle_names)
         rogues = world.rogues if isinstance(world, WorldWithRogues) else {}
         stretch |= {"names": names[self._named :], "rogues": [name in rogues for name in names[self._named :]]}
-        if not self._named:
+        if not self._has_begun:
             stretch |= _scene(config, world, every)
+            if not world.road.is_straight:
+                stretch["bend"] = bend(world.road, _reachable(config, world, float(self._seen[0][0].robot[0])))
         self._server.publish("stretch", json.dumps(stretch, allow_nan=False))
-        self._named = len(names)
+        self._named, self._has_begun = len(names), True
         self._seen = []
 
 
@@ -100,6 +103,8 @@ def _scene(config: EpisodeConfig, world: World, every: int) -> dict[str, Any]:
     step = every * config.simulation.step
     return {
         "rogueColour": style.ROGUE,
+        "suspectColour": style.SUSPECT,
+        "ring": style.RING,
         "lanes": world.road.lane_count,
         "laneWidth": world.road.lane_width,
         "robotLength": config.robot.length,
@@ -113,12 +118,19 @@ def _scene(config: EpisodeConfig, world: World, every: int) -> dict[str, Any]:
     }
 
 
+def _reachable(config: EpisodeConfig, world: World, start: float) -> np.ndarray:
+    """Return s (T,), m, of a robot that drives as fast as it is let from a start on: no drive goes farther."""
+    road = world.road
+    end = start + config.simulation.duration * config.robot.speed_max
+    return np.linspace(start, end if road.lap else min(end, road.length), LOOKS * LOOKED_AT_EVERY)
+
+
 def _stretch(seen: list[Seen], config: EpisodeConfig) -> dict[str, Any]:
     """Return a few samples, as `replay_data` has all of a run."""
     robot, limits = RobotTrack.empty(len(seen)), config.robot
     cars = np.unique(np.concatenate([observation.vehicle for observation, *_ in seen]))
     traffic = TrafficTrack.empty(("",) * len(cars), np.zeros(len(cars)), np.zeros(len(cars)), len(seen))
-    value = np.full((len(seen), len(cars)), np.inf)
+    value, belief = np.full((len(seen), len(cars)), np.inf), np.zeros((len(seen), len(cars)))
     for k, (observation, values, plan, desired, decision) in enumerate(seen):
         robot.x[k], robot.y[k], robot.heading[k], robot.speed[k] = observation.robot
         robot.omega[k], robot.acceleration[k] = decision.control.omega, decision.control.acceleration
@@ -133,6 +145,8 @@ def _stretch(seen: list[Seen], config: EpisodeConfig) -> dict[str, Any]:
         for name in ("x", "y", "heading", "speed", "acceleration"):
             getattr(traffic, name)[k, column] = getattr(observation, name)
         value[k, column] = values.value
+        if decision.belief is not None:
+            belief[k, column] = decision.belief
     threats = threat_track(robot, traffic, limits.length, limits.width)
     relative = traffic.x - robot.x[:, None]
     near = traffic.present & (np.abs(relative) <= NEAR)
@@ -155,5 +169,6 @@ def _stretch(seen: list[Seen], config: EpisodeConfig) -> dict[str, Any]:
             "value": encoded(value[near], "f4"),
             "length": encoded(traffic.length[car], "f4"),
             "width": encoded(traffic.width[car], "f4"),
+            **({"belief": encoded(belief[near], "f4")} if config.filter.priority == "belief" else {}),
         },
     }

@@ -1,18 +1,25 @@
 """A drive that is watched in a real headless Chromium, and the same drive with nobody there."""
 
+import base64
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from bent_roads import WIDTH, circle
 from browser import Browser
 
+from hj_cosim.analysis.figures import style
+from hj_cosim.analysis.replay_data import BEHIND
+from hj_cosim.analysis.view import View
 from hj_cosim.control.catalogue import make_filter
 from hj_cosim.cosim.configuration import resolve_config
-from hj_cosim.cosim.episode import drive
+from hj_cosim.cosim.episode import Watch, drive
 from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.recording.record import RunRecord
+from hj_cosim.scene.road import Road
 from hj_cosim.traffic.fake import CarStart, FakeWorld
 from hj_cosim.watching.drive import PER_SECOND, STRETCH, LiveDrive, drive_page
 from hj_cosim.watching.server import WatchServer
@@ -22,12 +29,13 @@ CARS = [CarStart(lane=1, x=40.0, speed=15.0), CarStart(lane=2, x=-30.0, speed=25
 SECONDS = 3.3  # which do not end with a stretch
 
 
-def driven(table, watching: LiveDrive | None) -> RunRecord:
+def driven(table, watching: LiveDrive | None, *, road: Road | None = None, watch: Watch | None = None) -> RunRecord:
     config = resolve_config("paper", assignments=[f"simulation.duration={SECONDS}", "planner.expansions=20"])
-    world = FakeWorld(CARS)
+    start = (300.0, 0.0, 0.0, 24.0) if road else (0.0, 4.0, 0.0, 24.0)
+    world = FakeWorld(CARS, start, road)
     planner = make_planner(config.planner, config.robot, config.scenario.drivers, world.road, table)
     safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
-    watch = None if watching is None else watching.beside
+    watch = watch if watching is None else watching.beside
     return drive(world, planner, safety_filter, table, config, watch=watch).record
 
 
@@ -72,6 +80,57 @@ def test_the_page_shows_the_drive_and_follows_it(browser: Browser, server, small
     assert all(url.startswith(f"http://127.0.0.1:{server.port}/") for url in browser.requests())
 
 
+def sent(server: WatchServer) -> list[Any]:
+    """Return the data of all events."""
+    lines = [line for event in server._events for line in event.decode().splitlines()]
+    return [json.loads(line[6:], parse_constant=pytest.fail) for line in lines if line.startswith("data: ")]
+
+
+def test_a_road_that_bends_is_sent_once_and_drawn_as_it_bends(browser: Browser, server, small_table):
+    live, road = LiveDrive(server), circle(300.0)
+    record = driven(small_table, live, road=road)
+    browser.open(server.address, "window.watchedReplay && document.getElementById('scrub').max === '29'")
+    first, *others = sent(server)
+    assert not any("bend" in other for other in others)
+    browser.scrub(20)
+    at = record.robot.x[100]
+
+    def colour(ahead: float, lateral: float) -> list[int]:
+        x, y = View(road, float(at)).points(np.array([[at + ahead, lateral]]))[0]
+        place = f"({x - at + BEHIND}) * scale, 12 + ({first['bend']['high'] - y}) * scale"
+        return browser.evaluate(
+            "(() => { const c = document.getElementById('view'), scale = c.width / 150;"
+            f" return [...c.getContext('2d').getImageData({place}, 1, 1).data]; }})()"
+        )[:3]
+
+    assert colour(0.0, float(record.robot.y[100])) == [0xD5, 0x5E, 0x00]
+    assert colour(95.0, -1.2) == [0xF1, 0xF1, 0xEE]
+    assert colour(95.0, -0.5 * WIDTH - 3.0) == [255, 255, 255]
+    assert complaints(browser) == []
+
+
+def test_what_the_filter_believes_of_each_car_is_sent(server, small_table):
+    live, believing = LiveDrive(server), resolve_config("paper", assignments=["filter.priority=belief"])
+
+    def watch(config, world, record):
+        tell = live.beside(believing.model_copy(update={"simulation": config.simulation}), world, record)
+
+        def told(observation, values, plan, desired, decision, *others):
+            belief = 0.25 * (1.0 + observation.vehicle)
+            tell(observation, values, plan, desired, replace(decision, belief=belief), *others)
+
+        return told
+
+    driven(small_table, None, watch=watch)
+    stretches = sent(server)
+    for stretch in stretches:
+        cars = {name: base64.b64decode(stretch["cars"][name]["data"]) for name in ("vehicle", "belief")}
+        belief, vehicle = np.frombuffer(cars["belief"], "<f4"), np.frombuffer(cars["vehicle"], "<u4")
+        np.testing.assert_array_equal(belief, 0.25 * (1.0 + vehicle))
+    assert set(vehicle) == {0, 1}
+    assert stretches[0]["ring"] == list(style.RING)
+
+
 def test_who_looks_back_is_not_carried_on(browser: Browser, server, small_table):
     live = LiveDrive(server)
     driven(small_table, live)
@@ -92,8 +151,8 @@ def test_stretches_are_json_without_what_json_has_not(server, small_table):
     live = LiveDrive(server)
     driven(small_table, live)
     live.end("over")
-    data = [line[6:] for event in server._events for line in event.decode().splitlines() if line.startswith("data: ")]
-    first, *others, last = [json.loads(text, parse_constant=pytest.fail) for text in data]
+    first, *others, last = sent(server)
+    assert "belief" not in first["cars"]
     assert first["expected"] == round(SECONDS * PER_SECOND)
     assert first["names"] == ["0", "1"] or len(first["names"]) == len(CARS)
     assert all(other["names"] == [] for other in others)
