@@ -140,6 +140,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
             "epsilon": 0.5,
             "approach": 4.0,
             "smooth_gradient": True,
+            "keep_on_road": True,
             "keep_escape": True,
             "solver": "enumeration",
         },

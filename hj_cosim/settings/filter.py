@@ -51,6 +51,9 @@ class FilterSettings(Settings):
         False, description="slopes of V are those of its mean over a cell of the table, and do not jump between cells"
     )
     slack_weight: Number = Field(10.0, gt=0, description="λ_3; the paper has 1")
+    keep_on_road: bool = Field(
+        False, description="SPC turns no farther than the robot can turn back before the road's edge; not in the paper"
+    )
     keep_escape: bool = Field(
         False,
         description="SPC's control gives way to an escaping manoeuvre where it would leave none; not in the paper",

@@ -1,13 +1,12 @@
 """The body of a background car, where nothing else says how long and wide it is, and larger ones in its terms."""
 
-from numba import njit
-
+from hj_cosim.kernels import kernel
 from hj_cosim.settings.scenario import CAR_LENGTH, CAR_WIDTH
 
 __all__ = ["CAR_LENGTH", "CAR_WIDTH", "to_nearest_part"]
 
 
-@njit(cache=True)
+@kernel
 def to_nearest_part(offset: float, size: float, usual: float) -> float:
     """Return the offset to the nearest place at which a car fits into a larger body.
 

@@ -31,7 +31,7 @@ def lower_table(table, monkeypatch):
 
 def both(table, settings=BELIEF):
     robot = RobotSettings()
-    plain = SafetyPreservingFilter(FilterSettings(), robot, table, 0.02)
+    plain = SafetyPreservingFilter(FilterSettings(), robot, StraightRoad(4), table, 0.02)
     return plain, BelievingFilter(settings, robot, ROAD, table, 0.02)
 
 

@@ -10,6 +10,7 @@ from hj_cosim.control.spc.conflicts import robot_answers, severity
 from hj_cosim.control.spc.filter import SafetyPreservingFilter
 from hj_cosim.reachability.table.cars import car_values
 from hj_cosim.scene.observation import Control, Observation
+from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import FilterSettings, RobotSettings
 from hj_cosim.settings.episode import robot_and_filter
 
@@ -115,7 +116,7 @@ def test_spc_brakes_for_who_is_ahead_though_somebody_follows_too_closely(table):
     closing = Observation(**{**vars(cars), "speed": np.array([12.0, 28.0])})
     values, found = car_values(table, closing), {}
     for conflicts in ("equal", "responsibility"):
-        spc = SafetyPreservingFilter(FilterSettings(conflicts=conflicts), ROBOT, table, 0.02)
+        spc = SafetyPreservingFilter(FilterSettings(conflicts=conflicts), ROBOT, StraightRoad(4), table, 0.02)
         decision = spc.filter(closing, values, Control(0.0, 0.0))
         assert not decision.meetable
         found[conflicts] = decision.control.acceleration

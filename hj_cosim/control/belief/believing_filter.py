@@ -36,13 +36,13 @@ class BelievingFilter(SafetyPreservingFilter):
 
     Args:
         settings, robot, table, step: as of SafetyPreservingFilter.
-        road: whose lanes ordinary drivers keep to.
+        road: its lanes are those that ordinary drivers keep to, besides.
     """
 
     def __init__(
         self, settings: FilterSettings, robot: RobotSettings, road: Road, table: ValueTable, step: float
     ) -> None:
-        super().__init__(settings, robot, table, step)
+        super().__init__(settings, robot, road, table, step)
         self._worst = _worst_table(robot)
         self._weight = settings.suspect_weight
         self._watcher = Watcher(robot.length, road.lane_width)

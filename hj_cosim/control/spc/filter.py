@@ -19,10 +19,12 @@ from hj_cosim.control.spc.escape import (
     manoeuvres_for,
     packed_escape,
 )
+from hj_cosim.control.spc.road_edge import RoadEdge
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
 from hj_cosim.reachability.table.cars import rows_of_cars, smooth_gradients
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import CarValues, Control, Observation
+from hj_cosim.scene.road import Road
 from hj_cosim.settings import FilterSettings, RobotSettings
 
 # Diagnostics: how often
@@ -37,6 +39,7 @@ class SafetyPreservingFilter:
     Args:
         settings: scheme, ε, the problem's parameters, and whether an escape is kept.
         robot: limits and body.
+        road: the lanes, beyond which it does not turn if that is asked for.
         table: V.
         step: s, the time for which a control is held.
 
@@ -45,7 +48,10 @@ class SafetyPreservingFilter:
         TableError: if an escape is to be kept and the table's game has no manoeuvres.
     """
 
-    def __init__(self, settings: FilterSettings, robot: RobotSettings, table: ValueTable, step: float) -> None:
+    def __init__(
+        self, settings: FilterSettings, robot: RobotSettings, road: Road, table: ValueTable, step: float
+    ) -> None:
+        self._edge = RoadEdge(road, robot.length, robot.width, step) if settings.keep_on_road else None
         self._nearest = NearestControl(settings, robot)
         self._epsilon = settings.epsilon
         self._recovery = settings.recovery
@@ -111,9 +117,17 @@ class SafetyPreservingFilter:
         return found if found.are_possible else None
 
     def _available(self, robot: np.ndarray) -> np.ndarray:
-        """Return the controls that the tyres hold and that do not lead beyond the table within a step, (4,)."""
-        heading, speed = float(robot[2]), float(robot[3])
+        """Return the controls that the tyres hold and that do not lead beyond the table or the road, (4,)."""
+        place = robot.tolist()
+        heading, speed = place[2], place[3]
         limits = self._grip.limits_at(speed)
+        if self._edge is not None:
+            turn = float(limits[1])
+            lowest, highest = self._edge.headings_within(place, turn)
+            if not lowest + turn * self._step <= heading <= highest - turn * self._step:
+                bounds = self._bounds.copy()
+                bounds[0], bounds[1] = max(bounds[0], lowest), min(bounds[1], highest)
+                return available_controls(limits, heading, speed, bounds, self._step)
         if (
             self._free_heading[0] <= heading <= self._free_heading[1]
             and self._free_speed[0] <= speed <= self._free_speed[1]

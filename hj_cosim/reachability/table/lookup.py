@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hj_cosim.kernels import kernel
 from hj_cosim.reachability.games.highway.target import (
     target_and_gradient_at,
     target_at,
@@ -54,19 +55,19 @@ class Cell(NamedTuple):
     o: float
 
 
-@njit(cache=True)
+@kernel
 def _clamped(grid: TableGrid, axis: int, coordinate: float) -> float:
     return min(max(coordinate, grid.lower[axis]), grid.upper[axis])
 
 
-@njit(cache=True)
+@kernel
 def _target(grid: TableGrid, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
     """Return V0, m, with heading and speeds clamped to the grid."""
     theta, v_r, v_o = _clamped(grid, 2, theta), _clamped(grid, 3, v_r), _clamped(grid, 4, v_o)
     return target_at(grid.target, p_x, p_y, theta, v_r, v_o)
 
 
-@njit(cache=True)
+@kernel
 def _target_and_gradient(
     grid: TableGrid, p_x: float, p_y: float, theta: float, v_r: float, v_o: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -75,7 +76,7 @@ def _target_and_gradient(
     return target_and_gradient_at(grid.target, p_x, p_y, theta, v_r, v_o)
 
 
-@njit(cache=True)
+@kernel
 def _place(coordinate: float, nodes: int) -> tuple[np.uint64, float]:
     """Return the cell that a coordinate in units of the spacing lies in, and where in it, clamped to the grid."""
     clamped = min(max(coordinate, 0.0), nodes - 1.0)
@@ -83,20 +84,20 @@ def _place(coordinate: float, nodes: int) -> tuple[np.uint64, float]:
     return np.uint64(cell), np.float32(clamped - cell)  # type: ignore[return-value]
 
 
-@njit(cache=True)
+@kernel
 def shift_of_grid(grid: TableGrid, v_r: float, v_o: float) -> float:
     """Return p_x − ξ = k (v_o² − v_r²), m: how far the grid lies ahead of where its first axis says."""
     v_r, v_o = _clamped(grid, 3, v_r), _clamped(grid, 4, v_o)
     return grid.braking_shear * (v_o * v_o - v_r * v_r)
 
 
-@njit(cache=True)
+@kernel
 def _is_outside(grid: TableGrid, axis: int, coordinate: float) -> bool:
     place = (coordinate - grid.lower[axis]) * grid.inverse_spacing[axis]
     return not (place >= 0.0 and place <= grid.shape[axis] - 1)
 
 
-@njit(cache=True)
+@kernel
 def _claimed(grid: TableGrid, theta: float, value: float) -> float:
     """Return V, or what is left to say of it where the table knows nothing of the heading."""
     if grid.lower[2] - _HEADING_ROUNDING <= theta <= grid.upper[2] + _HEADING_ROUNDING:
@@ -104,7 +105,7 @@ def _claimed(grid: TableGrid, theta: float, value: float) -> float:
     return min(value, 0.0)
 
 
-@njit(cache=True)
+@kernel
 def _cell_of(grid: TableGrid, xi: float, p_y: float, theta: float, v_r: float, v_o: float) -> Cell:
     lower, inverse, shape = grid.lower, grid.inverse_spacing, grid.shape
     i, x = _place((xi - lower[0]) * inverse[0], shape[0])
@@ -120,7 +121,7 @@ def _cell_of(grid: TableGrid, xi: float, p_y: float, theta: float, v_r: float, v
     return Cell(corner, step_x, step_y, step_theta, step_r, x, y, t, r, o)
 
 
-@njit(cache=True)
+@kernel
 def _over_speeds(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[float, float, float]:
     """Return value, slope in v_r and slope in v_o (per cell) at a node in position and heading."""
     above = corner + cell.step_r
@@ -131,7 +132,7 @@ def _over_speeds(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[float
     return low + cell.r * rise, rise, slow_rise + cell.r * (fast_rise - slow_rise)
 
 
-@njit(cache=True)
+@kernel
 def _over_headings(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[float, float, float, float]:
     """Return value and slopes in θ, v_r, v_o at a node in position."""
     share = cell.theta
@@ -141,7 +142,7 @@ def _over_headings(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[flo
     return low + share * rise, rise, low_r + share * (high_r - low_r), low_o + share * (high_o - low_o)
 
 
-@njit(cache=True)
+@kernel
 def _over_width(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[float, float, float, float, float]:
     """Return value and slopes in p_y, θ, v_r, v_o at a node in p_x."""
     share = cell.y
@@ -157,7 +158,7 @@ def _over_width(flat: np.ndarray, corner: np.uint64, cell: Cell) -> tuple[float,
     )
 
 
-@njit(cache=True)
+@kernel
 def value_and_gradient_at(
     flat: np.ndarray,
     grid: TableGrid,
@@ -192,13 +193,13 @@ def value_and_gradient_at(
     return _value_and_slopes(grid, p_x, p_y, theta, v_r, v_o, deficit, gradient_out)
 
 
-@njit(cache=True)
+@kernel
 def _is_flat(gradient: np.ndarray) -> bool:
     return gradient[0] == gradient[1] == gradient[2] == gradient[3] == gradient[4] == 0.0
 
 
 # Eight parameters, the last of them what is written.
-@njit(cache=True)
+@kernel
 def _value_and_slopes(
     grid: TableGrid,
     p_x: float,
@@ -233,7 +234,7 @@ def _value_and_slopes(
     return _claimed(grid, theta, unscaled(scaled_value))
 
 
-@njit(cache=True)
+@kernel
 def _deficit(flat: np.ndarray, grid: TableGrid, place: tuple[float, float, float, float, float]) -> float:
     """Return W at a place in the grid's coordinates, clamped to the grid."""
     cell = _cell_of(grid, place[0], place[1], place[2], place[3], place[4])
@@ -242,7 +243,7 @@ def _deficit(flat: np.ndarray, grid: TableGrid, place: tuple[float, float, float
     return float(low + cell.x * (high - low))
 
 
-@njit(cache=True)
+@kernel
 def smooth_gradient_at(
     flat: np.ndarray,
     grid: TableGrid,
@@ -270,7 +271,7 @@ def smooth_gradient_at(
     return _value_and_slopes(grid, p_x, p_y, theta, v_r, v_o, _deficit(flat, grid, here), gradient_out)
 
 
-@njit(cache=True)
+@kernel
 def _moved(
     place: tuple[float, float, float, float, float], axis: int, to: float
 ) -> tuple[float, float, float, float, float]:
@@ -284,7 +285,7 @@ def _moved(
     )
 
 
-@njit(cache=True)
+@kernel
 def value_at(flat: np.ndarray, grid: TableGrid, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
     """Return V, m; outside the grid as said above."""
     xi, is_beside = p_x - shift_of_grid(grid, v_r, v_o), _is_outside(grid, 1, p_y)

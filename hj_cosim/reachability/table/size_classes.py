@@ -9,6 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 from numba import njit
 
+from hj_cosim.kernels import kernel
 from hj_cosim.reachability.games.contract import SizeClass
 from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH, to_nearest_part
 
@@ -22,7 +23,7 @@ CAR = SIZE_CLASSES[0]
 LENGTH, WIDTH = 0, 1  # columns of numbers by size class: the largest body, m
 
 
-@njit(cache=True)
+@kernel
 def class_of(numbers: np.ndarray, length: float, width: float) -> int:
     """Return the size class of a body, m, as a row: the first that is long and wide enough for it, or the last.
 
@@ -50,7 +51,7 @@ def classes_of(numbers: np.ndarray, length: np.ndarray, width: np.ndarray) -> np
     return found
 
 
-@njit(cache=True)
+@kernel
 def offsets_in_class(
     numbers: np.ndarray, kind: int, p_x: float, p_y: float, length: float, width: float
 ) -> tuple[float, float]:

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from hj_cosim.kernels import kernel
 from hj_cosim.reachability.packing import packed
 from hj_cosim.reachability.table.table_arrays import TableArrays, TableGrid, grid_from
 
@@ -40,7 +40,7 @@ def stacked(tables: Sequence[tuple[tuple[float, float], TableArrays]]) -> TableS
     return TableStack(flat, np.array(rows))
 
 
-@njit(cache=True)
+@kernel
 def grid_in(numbers: np.ndarray, kind: int) -> TableGrid:
     """Return the grid of a size class's table in the stack, by its row."""
     row = numbers[kind]

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
+from hj_cosim.kernels import kernel
 from hj_cosim.reachability.games.highway.target import FORMULA_NUMBERS, TargetFormula, formula_from
 
 
@@ -33,7 +33,7 @@ class TableArrays(NamedTuple):
     grid: TableGrid
 
 
-@njit(cache=True)
+@kernel
 def grid_from(begin: int, shape: tuple[int, int, int, int, int], numbers: np.ndarray) -> TableGrid:
     """Return the grid of a table of which W lies at `begin`, of the rest of its numbers (`reachability.packing`)."""
     return TableGrid(

@@ -9,14 +9,15 @@ longitudinal distance, which is linear, passes through.
 import math
 
 import numpy as np
-from numba import njit
+
+from hj_cosim.kernels import kernel
 
 SOFTENING = 0.5  # c, m of lateral gap
 _CUBED = SOFTENING**3
 _THIRD_OF_BIAS = 0x2A9F7893782DA1CE  # two thirds of the exponent's bias, less what makes the error even
 
 
-@njit(cache=True)
+@kernel
 def cube_root(number: float) -> float:
     """Return ∛x of a positive normal x, to 1e-14 of it.
 
@@ -31,20 +32,20 @@ def cube_root(number: float) -> float:
     return root
 
 
-@njit(cache=True)
+@kernel
 def scaled(value: float) -> float:
     """Return s(V); odd and increasing."""
     return math.copysign(cube_root(0.25 * abs(value) + _CUBED) - SOFTENING, value)
 
 
-@njit(cache=True)
+@kernel
 def unscaled(scaled_value: float) -> float:
     """Return V, m, of which `scaled_value` is s(V)."""
     root = abs(scaled_value) + SOFTENING
     return math.copysign(4.0 * (root * root * root - _CUBED), scaled_value)
 
 
-@njit(cache=True)
+@kernel
 def steepness(scaled_value: float) -> float:
     """Return dV/ds, m per unit of s; at least 12 c²."""
     root = abs(scaled_value) + SOFTENING

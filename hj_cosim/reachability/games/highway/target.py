@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numba.np.unsafe.ndarray import to_fixed_tuple
+
+from hj_cosim.kernels import kernel
 
 _PARAMETERS = (
     "length",
@@ -96,13 +97,13 @@ class TargetFormula(NamedTuple):
 FORMULA_NUMBERS = len(TargetFormula._fields)
 
 
-@njit(cache=True)
+@kernel
 def formula_from(numbers: np.ndarray) -> TargetFormula:
     """Return the formula whose FORMULA_NUMBERS these are (`reachability.packing`)."""
     return TargetFormula(*to_fixed_tuple(numbers, FORMULA_NUMBERS))
 
 
-@njit(cache=True)
+@kernel
 def _longitudinal_gap(formula: TargetFormula, p_x: float, v_r: float, v_o: float) -> tuple[float, float]:
     """Return |p_x| − length − d_long, and d_long; the rear car is the one with the smaller p_x."""
     ahead = p_x > 0.0
@@ -113,7 +114,7 @@ def _longitudinal_gap(formula: TargetFormula, p_x: float, v_r: float, v_o: float
     return abs(p_x) - formula.length - distance, distance
 
 
-@njit(cache=True)
+@kernel
 def _lateral_distance(formula: TargetFormula, towards: float) -> float:
     after_response = max(towards + formula.gained, 0.0)
     return max(
@@ -121,7 +122,7 @@ def _lateral_distance(formula: TargetFormula, towards: float) -> float:
     )
 
 
-@njit(cache=True)
+@kernel
 def _side_of(p_y: float, leftwards: float) -> float:
     """Return 1 if the robot is on the left of the other car, else −1; at p_y = 0 the side that it moves away from."""
     if p_y == 0.0:
@@ -129,7 +130,7 @@ def _side_of(p_y: float, leftwards: float) -> float:
     return 1.0 if p_y > 0.0 else -1.0
 
 
-@njit(cache=True)
+@kernel
 def target_at(formula: TargetFormula, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> float:
     """Return V(0, x), m."""
     gap_x, _ = _longitudinal_gap(formula, p_x, v_r, v_o)
@@ -153,7 +154,7 @@ class Term(NamedTuple):
     by_o: float
 
 
-@njit(cache=True)
+@kernel
 def _lateral_term(formula: TargetFormula, p_y: float, theta: float, v_r: float) -> Term:
     """Return 4 (|p_y| − width − …)³; at p_y = 0 of the side that the robot moves away from, flat where [·]_+ begins."""
     sin = math.sin(theta)
@@ -170,7 +171,7 @@ def _lateral_term(formula: TargetFormula, p_y: float, theta: float, v_r: float) 
     return Term(4.0 * gap * gap * gap, 0.0, steep * side, by_theta, by_leftwards * sin, 0.0)
 
 
-@njit(cache=True)
+@kernel
 def _longitudinal_term(formula: TargetFormula, p_x: float, v_r: float, v_o: float) -> Term:
     """Return |p_x| − length − d_long; at p_x = 0 of a robot behind, flat where [·]_+ begins."""
     gap, longitudinal = _longitudinal_gap(formula, p_x, v_r, v_o)
@@ -184,14 +185,14 @@ def _longitudinal_term(formula: TargetFormula, p_x: float, v_r: float, v_o: floa
     return Term(gap, -1.0, 0.0, 0.0, by_rear, by_front)
 
 
-@njit(cache=True)
+@kernel
 def terms_at(formula: TargetFormula, p_x: float, p_y: float, theta: float, v_r: float, v_o: float) -> tuple[Term, Term]:
     """Return both terms of V(0, x), the greater one, which it is, first."""
     along, across = _longitudinal_term(formula, p_x, v_r, v_o), _lateral_term(formula, p_y, theta, v_r)
     return (along, across) if along.value >= across.value else (across, along)
 
 
-@njit(cache=True)
+@kernel
 def target_and_gradient_at(
     formula: TargetFormula, p_x: float, p_y: float, theta: float, v_r: float, v_o: float
 ) -> Term:

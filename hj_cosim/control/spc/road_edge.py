@@ -1,0 +1,57 @@
+"""Staying on the road: the headings from which a robot can straighten up before its body is beyond the outermost lines.
+
+No row is about the road's edge, for V knows of cars alone: to keep away from one beside, a filter would turn off the
+road. From the heading θ, turning back with ω at the speed v, the robot's centre still moves sideways by R (1 − cos θ),
+R = v/ω, and its front corner is (l/2) sin θ farther out. Together that is most, √(R² + l²/4) − R cos θ, where the
+heading has come down to tan φ = l/(2 R). To brake meanwhile only makes it less.
+"""
+
+import math
+from collections.abc import Sequence
+
+from hj_cosim.scene.road import Road
+
+SPARE = 0.05  # m, of which the control of a step may be wrong
+
+
+class RoadEdge:
+    """Where the road ends to both sides of a robot.
+
+    Args:
+        road: the lanes.
+        length, width: of the robot's body, m.
+        step: s, until a robot can begin to turn back.
+    """
+
+    def __init__(self, road: Road, length: float, width: float, step: float) -> None:
+        self._road, self._front, self._half_width, self._step = road, 0.5 * length, 0.5 * width, step
+        self._lines = self._lines_at(0.0) if road.is_straight else None
+
+    def _lines_at(self, along: float) -> tuple[float, float]:
+        lines = self._road.lane_lines(along)
+        return float(lines[0]), float(lines[-1])
+
+    def headings_within(self, robot: Sequence[float], omega: float) -> tuple[float, float]:
+        """Return the lowest and the highest heading from which it stays on the road, rad; 0 is between them.
+
+        Args:
+            robot: p_x, p_y (m), θ (rad), v (m/s).
+            omega: rad/s, with which it can turn back.
+        """
+        along, lateral, heading, speed = robot
+        rightmost, leftmost = self._lines or self._lines_at(along)
+        drift, beside = speed * math.sin(heading) * self._step, self._half_width + SPARE
+        left = leftmost - lateral - max(drift, 0.0) - beside
+        right = lateral + min(drift, 0.0) - rightmost - beside
+        return -_steepest(right, speed / omega, self._front), _steepest(left, speed / omega, self._front)
+
+
+def _steepest(room: float, radius: float, front: float) -> float:
+    """Return the greatest heading at which no more than `room` (m) is needed, in [0, π/2]."""
+    if room <= 0.0:
+        return 0.0
+    at_once = math.asin(min(room / front, 1.0))
+    if math.tan(at_once) * radius <= front:  # it is never farther out than now
+        return at_once
+    cosine = (math.hypot(radius, front) - room) / radius
+    return math.acos(max(cosine, 0.0))
