@@ -13,7 +13,7 @@ from typing import Any
 from hj_cosim.control.belief.believing_filter import WORST_TABLE
 from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.cosim.configuration import resolve_config, stack_flags
-from hj_cosim.cosim.episode import Episode, Progress, run_in_sumo, write_episode
+from hj_cosim.cosim.episode import Episode, Progress, Watch, run_in_sumo, write_episode
 from hj_cosim.cosim.repetition import Repetition, is_run_configuration, repetition
 from hj_cosim.files import file_name
 from hj_cosim.locations import given_path, runs_folder
@@ -36,6 +36,7 @@ class EpisodeProgress:
     solving: Progress | None = None  # steps of the value table's solve, if it has to be solved
     drawing: Progress | None = None  # pictures
     announce: Callable[[str], None] | None = None  # in one sentence, what is solved before it is
+    watch: Watch | None = None  # sees every sample of the drive
 
 
 def new_run_folder(config: EpisodeConfig) -> Path:
@@ -121,7 +122,7 @@ def run_episode(
         value_table = load_tables(config.table, sizes, tell.solving, robot=config.robot, announce=tell.announce)
     if config.filter.priority == "belief":
         load_table(WORST_TABLE, tell.solving, robot=config.robot, announce=tell.announce)
-    episode = run_in_sumo(config, value_table, tell.driving, tell.announce, folder)
+    episode = run_in_sumo(config, value_table, tell.driving, tell.announce, folder, tell.watch)
     if folder is None:
         return episode
     write_episode(episode, folder)

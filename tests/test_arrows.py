@@ -25,6 +25,7 @@ FLOORS = (
     ("cosim",),
     ("rehearsal",),
     ("study", "run", "training"),
+    ("watching",),
     ("cli", "examples"),
     ("__main__",),
 )

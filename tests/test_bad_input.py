@@ -191,6 +191,8 @@ COMMANDS = {
     ("report", "STUDY"): "table.csv has no column scenario",
     ("figure", "trade-off", "--study", "STUDY"): "table.csv has no column planner",
     ("figure", "density-sweep", "--study", "STUDY"): "table.csv has no column scenario",
+    ("figure", "sweep", "--study", "STUDY"): "table.csv has no column planner",
+    ("figure", "schematic", "--width", "90"): "85 or 178 mm wide, one column or two; 90 is neither",
 }
 
 

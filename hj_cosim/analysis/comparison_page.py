@@ -9,7 +9,7 @@ import pandas as pd
 from hj_cosim.analysis.figures.run_table import table_of
 from hj_cosim.analysis.figures.side_by_side import LOOKS
 from hj_cosim.analysis.figures.style import Drawing
-from hj_cosim.analysis.html import figure, html_table, label, page, replay_parts, resource, value_text
+from hj_cosim.analysis.html import figure, html_table, label, page, replay_parts, resource, table_region, value_text
 from hj_cosim.analysis.plan_path import tracking_of
 from hj_cosim.analysis.replay_data import replay_data
 from hj_cosim.metrics.catalogue import METRICS
@@ -56,7 +56,8 @@ def _row(row: ComparedRows) -> Iterator[str]:
     if row.settings:
         names = list(dict.fromkeys(row.table["side"]))
         yield "<h3>Settings that differ</h3>"
-        yield html_table(["setting", *names], ([name, *values] for name, values in row.settings), "settings")
+        cells = ([escape(name).replace(".", ".<wbr>"), *map(escape, values)] for name, values in row.settings)
+        yield table_region(["setting", *map(escape, names)], cells, "settings")
     first = row.table["side"].iloc[0]
     yield (
         f"<p class='note'>Differences are each side's less {escape(first)}; in brackets 95 % bootstrap intervals over"

@@ -15,21 +15,23 @@ from hj_cosim.files import temporary_folder
 from hj_cosim.metrics.catalogue import FACTS, METRICS
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+_LIVE = "; connect-src 'self'"
 
 
-def page(title: str, parts: Iterable[str], kind: str = "") -> str:
+def page(title: str, parts: Iterable[str], kind: str = "", *, is_live: bool = False) -> str:
     """Return a whole HTML document that needs nothing else.
 
     Args:
         title: plain text, also its heading.
         parts: HTML, one below the other; empty ones are left out.
         kind: the class of its body, for the style sheet; one that is `embedded` in another has no heading.
+        is_live: whether it may listen to the server that it comes from.
     """
     body = "\n".join(part for part in parts if part)
     heading = "" if kind == "embedded" else f"<h1>{escape(title)}</h1>\n"
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY + _LIVE * is_live}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<style>{resource('report.css')}</style></head>\n"
         f'<body class="{kind}">\n{heading}{body}\n</body></html>\n'

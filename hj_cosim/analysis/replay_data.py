@@ -12,6 +12,7 @@ from hj_cosim.analysis.values import car_values
 from hj_cosim.analysis.view import height_of, stretches
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.record import RunRecord
+from hj_cosim.scene.road import Road
 from hj_cosim.settings import TrackingSettings
 
 NEAR = 120.0  # m, cars within this are shown
@@ -63,7 +64,7 @@ def replay_data(
     rings, believed = dict[str, Any](), dict[str, Any]()
     if record.belief is not None:
         rings = {"suspectColour": style.SUSPECT, "ring": style.RING}
-        believed = {"belief": _encode(np.nan_to_num(record.belief[where]), "f4")}
+        believed = {"belief": encoded(np.nan_to_num(record.belief[where]), "f4")}
     shown = {
         "names": list(traffic.names),
         "rogues": record.is_rogue.tolist(),
@@ -77,27 +78,31 @@ def replay_data(
         "lateralRate": tracking.k_1,
         "speedRate": tracking.k_2,
         "valueLimit": VALUE_LIMIT,
-        "colours": _colours(),
-        "robot": {name: _encode(column[kept], "u1" if name in flags else "f8") for name, column in columns.items()},
+        "colours": colours(),
+        "robot": {name: encoded(column[kept], "u1" if name in flags else "f8") for name, column in columns.items()},
         "cars": {
-            "start": _encode(np.concatenate([[0], np.cumsum(np.count_nonzero(near[kept], axis=1))]), "u4"),
-            "vehicle": _encode(car, "u4"),
-            "dx": _encode(relative[where], "f4"),
-            "y": _encode(traffic.y[where], "f4"),
-            "heading": _encode(traffic.heading[where], "f4"),
-            "speed": _encode(traffic.speed[where], "f4"),
-            "value": _encode(car_values(record, table)[where], "f4"),
-            "length": _encode(traffic.length[car], "f4"),
-            "width": _encode(traffic.width[car], "f4"),
+            "start": encoded(np.concatenate([[0], np.cumsum(np.count_nonzero(near[kept], axis=1))]), "u4"),
+            "vehicle": encoded(car, "u4"),
+            "dx": encoded(relative[where], "f4"),
+            "y": encoded(traffic.y[where], "f4"),
+            "heading": encoded(traffic.heading[where], "f4"),
+            "speed": encoded(traffic.speed[where], "f4"),
+            "value": encoded(car_values(record, table)[where], "f4"),
+            "length": encoded(traffic.length[car], "f4"),
+            "width": encoded(traffic.width[car], "f4"),
             **believed,
         },
     }
-    return shown if record.road.is_straight else {**shown, "bend": _bend(record)}
+    return shown if record.road.is_straight else {**shown, "bend": bend(record.road, record.robot.x)}
 
 
-def _bend(record: RunRecord) -> dict[str, Any]:
-    """Return the road as it bends along a drive: its line d = 0 every EVERY m of s, and the lanes of its stretches."""
-    road, driven = record.road, record.robot.x
+def bend(road: Road, driven: np.ndarray) -> dict[str, Any]:
+    """Return the road as it bends along a drive: its line d = 0 every EVERY m of s, and the lanes of its stretches.
+
+    Args:
+        road: that bends.
+        driven: s of the robot (T,), m, sample by sample.
+    """
     first, last = float(driven.min()) - SHOWN_BEHIND, float(driven.max()) + SHOWN_AHEAD
     along = np.arange(first, last + EVERY, EVERY)
     x, y, heading = road.to_world(along, 0.0 * along, 0.0 * along)
@@ -105,9 +110,9 @@ def _bend(record: RunRecord) -> dict[str, Any]:
     return {
         "start": first,
         "every": EVERY,
-        "x": _encode(x - x[0], "f4"),
-        "y": _encode(y - y[0], "f4"),
-        "heading": _encode(np.unwrap(heading), "f4"),
+        "x": encoded(x - x[0], "f4"),
+        "y": encoded(y - y[0], "f4"),
+        "heading": encoded(np.unwrap(heading), "f4"),
         "low": low - 1.0,
         "high": high + 1.0,
         "stretches": [
@@ -116,12 +121,13 @@ def _bend(record: RunRecord) -> dict[str, Any]:
     }
 
 
-def _encode(values: np.ndarray, kind: str) -> dict[str, str]:
+def encoded(values: np.ndarray, kind: str) -> dict[str, str]:
     """Return an array as base64 of little-endian numbers of a kind, as replay.js decodes it."""
     data = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
     return {"kind": kind, "data": base64.b64encode(data).decode("ascii")}
 
 
-def _colours() -> list[str]:
+def colours() -> list[str]:
+    """Return the colours of values from −VALUE_LIMIT to VALUE_LIMIT, as the page has them."""
     shades = np.round(255 * value_colours(np.linspace(-VALUE_LIMIT, VALUE_LIMIT, COLOURS))).astype(int)
     return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue, _ in shades]

@@ -54,6 +54,8 @@ def study_page(folder: Path, place: Path, progress: Progress, *, replays: bool =
     figures = {"trade-off": "Safety over performance: 2D TTC over speed, with 95 % intervals."}
     if table.scenario.nunique() > 1:
         figures["density-sweep"] = "What denser traffic does."
+    if len([name for name in varying_factors(table) if name != "scenario"]) == 1:
+        figures["sweep"] = "What the varied setting does."
     if {BEHAVIOUR, SHARE} <= set(table.columns):
         figures["attack"] = "What drivers who mean harm do."
     drawn = [figure(draw_figure(name, study=folder), caption) for name, caption in figures.items()]

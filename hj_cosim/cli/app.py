@@ -39,6 +39,7 @@ Scenario = Annotated[
 ]
 Specification = Annotated[str, typer.Argument(help="A name in value_tables/ or a path to a specification TOML.")]
 RunFolder = Annotated[Path, typer.Argument(metavar="DIR", help="The folder of a run.")]
+Watch = Annotated[bool, typer.Option("--watch", help="Show it as it happens, in a page of this machine's browser.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 

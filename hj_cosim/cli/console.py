@@ -37,6 +37,11 @@ class WarningCount(logging.Handler):
         self.count += 1
 
 
+def say(sentence: str) -> None:
+    """Print a sentence beside the progress, as it is."""
+    messages.print(sentence, markup=False, highlight=False, soft_wrap=True)
+
+
 def progress_bars() -> Progress:
     """Return bars with the time left, on standard error; nothing where that is no terminal."""
     return Progress(

@@ -1,14 +1,14 @@
 """Commands that drive an episode, or make something of one that was driven."""
 
 import logging
+from contextlib import nullcontext
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from hj_cosim.cli.app import Json, RunFolder, Scenario, app, example
+from hj_cosim.cli.app import Json, RunFolder, Scenario, Watch, app, example
 from hj_cosim.cli.console import (
     WarningCount,
     bar,
@@ -16,16 +16,18 @@ from hj_cosim.cli.console import (
     print_json,
     progress_bars,
     results,
+    say,
     show_files,
     show_place,
     show_repetition,
     show_rows,
     summary_table,
 )
+from hj_cosim.cli.watched import watched_drive
 from hj_cosim.locations import runs_folder
 
 
-# Seventeen parameters: each is an option of the command line.
+# Eighteen parameters: each is an option of the command line.
 @app.command(
     epilog=example(
         "hj-cosim run dense --planner op --seed 3 --set planner.expansions=200",
@@ -56,6 +58,7 @@ def run(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="The run's folder; a new one in runs/ by default.")] = None,
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Whether pictures are drawn.")] = True,
+    watch: Watch = False,
     verbose: Annotated[bool, typer.Option("--verbose", help="Print SUMO's warnings instead of counting them.")] = False,
     as_json: Json = False,
 ) -> None:
@@ -65,7 +68,7 @@ def run(
     warnings = WarningCount()
     if not verbose:
         logging.getLogger("hj_cosim").addHandler(warnings)
-    with progress_bars() as bars:
+    with progress_bars() as bars, watched_drive(Path(scenario).stem) if watch else nullcontext() as watching:
         episode = run_episode(
             scenario,
             planner=planner,
@@ -86,9 +89,12 @@ def run(
                 driving=bar(bars, f"driving {Path(scenario).stem}"),
                 solving=bar(bars, "solving the value table"),
                 drawing=bar(bars, "drawing"),
-                announce=partial(messages.print, markup=False, highlight=False, soft_wrap=True),
+                announce=say,
+                watch=None if watching is None else watching.beside,
             ),
         )
+        if watching is not None:
+            watching.end(f"the drive is over; it is in {episode.folder}")
     repeated = repetition_of(scenario, episode)
     if as_json:
         of_repetition = (
@@ -122,12 +128,17 @@ def export(
     show_files(export_files(folder, format, out), as_json)
 
 
-@app.command(epilog=example("hj-cosim figure value-slice", "hj-cosim figure highway --run runs/paper-hjop-spc-mi-0"))
+@app.command(
+    epilog=example("hj-cosim figure value-slice", "hj-cosim figure timeline --run runs/paper-hjop-spc-mi-0 --width 85")
+)
 def figure(
     name: Annotated[str | None, typer.Argument(help="Which; without one, all are listed.")] = None,
     run: Annotated[Path | None, typer.Option(metavar="DIR", help="The run to draw, for figures of a run.")] = None,
     study: Annotated[Path | None, typer.Option(metavar="DIR", help="The study, for figures of a study.")] = None,
     out: Annotated[Path | None, typer.Option(help="A .png, .pdf, .svg or .csv; all but .svg by default.")] = None,
+    width: Annotated[
+        int | None, typer.Option(help="85 or 178 mm, one or two columns of a journal; the figure's own.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Draw a figure of the paper, or one beyond it, from our own data."""
@@ -138,11 +149,11 @@ def figure(
         show_rows("figures", rows, as_json)
         return
     from hj_cosim.analysis.figures.gallery import draw_figure
-    from hj_cosim.analysis.figures.style import save_drawing
+    from hj_cosim.analysis.figures.style import PRINT_DPI, save_drawing
 
     folder = run or study
     target = out or (folder / "figures" if folder else runs_folder() / "figures") / name
-    show_files(save_drawing(draw_figure(name, run=run, study=study), target), as_json)
+    show_files(save_drawing(draw_figure(name, run=run, study=study, width=width), target, PRINT_DPI), as_json)
 
 
 @app.command(epilog=example("hj-cosim replay runs/paper-hjop-spc-mi-0", "hj-cosim replay DIR --out drive.mp4"))

@@ -1,14 +1,16 @@
 """The command that drives many episodes."""
 
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from hj_cosim.cli.app import Json, app, example
+from hj_cosim.cli.app import Json, Watch, app, example
 from hj_cosim.cli.console import bar, messages, print_json, progress_bars
 from hj_cosim.cli.study_table import show_study
+from hj_cosim.cli.watched import watched_study
 from hj_cosim.errors import ConfigurationError
 
 
@@ -49,6 +51,7 @@ def study(
         bool, typer.Option("--resume", help="Go on with the study in --out, which knows what it was asked for.")
     ] = False,
     out: Annotated[Path | None, typer.Option(help="The study's folder; a new one in runs/ by default.")] = None,
+    watch: Watch = False,
     as_json: Json = False,
 ) -> None:
     """Drive many episodes of many stacks on the same seeds, and tabulate them beside the paper's numbers.
@@ -63,7 +66,7 @@ def study(
             f" for example {scenario},{scenario_list}"
         )
     scenarios = scenario_list if scenario is None else scenario
-    with progress_bars() as bars:
+    with progress_bars() as bars, watched_study() if watch else nullcontext() as watching:
         done = run_study(
             None if scenarios is None else scenarios.split(","),
             episodes=episodes,
@@ -80,7 +83,10 @@ def study(
             out=out,
             progress=bar(bars, "driving episodes"),
             solving=bar(bars, "solving tables"),
+            watch=watching,
         )
+        if watching is not None:
+            watching.end(f"the study is over; it is in {done.folder}")
     if as_json:
         failures = [asdict(failure) for failure in done.failures]
         found = {"folder": str(done.folder), "rows": done.table.to_dict("records"), "missing": done.missing}

@@ -49,6 +49,8 @@ from hj_cosim.verification.foresight import EVERY, ForesightAudit
 from hj_cosim.verification.promise_audit import PromiseAudit
 
 Progress = Callable[[int, int], None]  # samples driven, samples in all
+Record = Callable[..., None]  # a recorder's `record`
+Watch = Callable[[EpisodeConfig, World, Record], Record]  # returns what is called in its place, which calls it
 
 
 @dataclass(frozen=True, repr=False)
@@ -80,7 +82,7 @@ class Drive:
     diagnostics: Mapping[str, float]  # the filter's, and its guard's, summed over all steps
 
 
-# Nine parameters: the four that meet here, what is asked of them, who looks on, and where it is written.
+# Ten parameters: the four that meet here, what is asked of them, who looks on, and where it is written.
 def drive(
     world: World,
     planner: Planner,
@@ -91,6 +93,7 @@ def drive(
     progress: Progress | None = None,
     foresight: ForesightAudit | None = None,
     beside: Path | None = None,
+    watch: Watch | None = None,
 ) -> Drive:
     """Drive one episode in a world that has settled, and return what happened.
 
@@ -111,6 +114,7 @@ def drive(
         foresight: predicts the other cars once a second, if there is one.
         beside: where the run will be written, so that what does not fit into memory is written near it already; in the
             system's folder for temporary files unless given.
+        watch: sees every sample, if there is one.
 
     Raises:
         HjCosimError: if what does not fit into memory cannot be written.
@@ -129,6 +133,7 @@ def drive(
         scene, lambda: world.vehicle_names, robot, samples, beside or Path(tempfile.gettempdir()) / "drive", within
     )
     farther = world if records_all and isinstance(world, WorldWithOthers) else None
+    record = recorder.record if watch is None else watch(config, world, recorder.record)
     guarded_planner = GuardedPlanner(planner, world.road)
     guarded_filter = GuardedFilter(safety_filter, robot)
     observation = _observe(world)
@@ -157,7 +162,7 @@ def drive(
         turning = yaw_rate(observation.robot, omega, world.road)
         steering = steering_for(turning, float(observation.robot[3]), robot.wheelbase)
         everybody = None if farther is None else farther.everybody()
-        recorder.record(observation, values, plan, desired, decision, steering, everybody)
+        record(observation, values, plan, desired, decision, steering, everybody)
         if simulation.on_collision == "stop" and _collided(observation, config):
             ended = COLLISION
             break
@@ -234,6 +239,7 @@ def run_in_sumo(
     progress: Progress | None = None,
     announce: Callable[[str], None] | None = None,
     beside: Path | None = None,
+    watch: Watch | None = None,
 ) -> Episode:
     """Drive one episode in SUMO.
 
@@ -244,6 +250,7 @@ def run_in_sumo(
         progress: called with the samples driven and the samples in all, once a plan.
         announce: told what was chosen, overridden and silenced in a user's own simulation, before the drive.
         beside: as `drive` takes it.
+        watch: sees every sample, if there is one.
 
     Raises:
         NetworkError, ScenarioError: if the world cannot be built.
@@ -263,7 +270,7 @@ def run_in_sumo(
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
         audit = PromiseAudit(table.stack, promises=type(safety_filter) is SafetyPreservingFilter)
         foresight = ForesightAudit(config.planner, config.robot, drivers, world.road, table)
-        driven = drive(world, planner, safety_filter, table, config, audit, progress, foresight, beside)
+        driven = drive(world, planner, safety_filter, table, config, audit, progress, foresight, beside, watch)
     wall_seconds = time.perf_counter() - started
     summary = summarize(
         driven.record, config, audit.summary() | fallback_summary(driven.diagnostics) | foresight.summary()

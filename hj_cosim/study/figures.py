@@ -5,10 +5,10 @@ from pathlib import Path
 import pandas as pd
 
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
-from hj_cosim.analysis.figures.density_sweep import density_sweep
 from hj_cosim.analysis.figures.of_study import scenario_densities
 from hj_cosim.analysis.figures.stacks import varying_factors
 from hj_cosim.analysis.figures.style import save_drawing
+from hj_cosim.analysis.figures.sweep import density_sweep, sweep
 from hj_cosim.analysis.figures.target_sets import TABLE, target_sets
 from hj_cosim.analysis.figures.trade_off import trade_off
 from hj_cosim.files import file_name
@@ -16,7 +16,7 @@ from hj_cosim.study.tables import STACK_COLUMNS
 
 
 def draw_figures(study: Path, table: pd.DataFrame, figures: Path) -> None:
-    """Draw the trade-off for each scenario and setting, and what density does if there are several scenarios.
+    """Draw the trade-off for each scenario and setting, and what density or a varied setting does.
 
     Args:
         study: a study's folder with its episodes.
@@ -40,7 +40,9 @@ def draw_figures(study: Path, table: pd.DataFrame, figures: Path) -> None:
     if set(varying) == {"scenario", TABLE}:
         save_drawing(target_sets(driven), figures / "target-sets.png")
     if varying == ["scenario"]:
-        save_drawing(density_sweep(table, scenario_densities(study)), figures / "density-sweep.png")
+        save_drawing(density_sweep(driven, scenario_densities(study)), figures / "density-sweep.png")
+    elif len(set(varying) - {"scenario"}) == 1:
+        save_drawing(sweep(driven), figures / "sweep.png")
 
 
 def _part(key: str, value: object) -> str:

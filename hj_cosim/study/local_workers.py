@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from queue import Empty, Queue
@@ -33,10 +33,17 @@ def available_cores() -> int:
 class LocalWorkers:
     """An engine of `count` processes on this machine, as many as there are cores unless told otherwise."""
 
-    def __init__(self, count: int | None = None) -> None:
+    def __init__(self, count: int | None = None, started: Callable[[EpisodeJob], None] | None = None) -> None:
+        """Say how many; none is started yet.
+
+        Args:
+            count: processes.
+            started: called, from the threads that keep them, with every job that one is handed.
+        """
         if count is not None and count < 1:
             raise WorkerError(f"workers = {count}: a study needs one worker or more")
         self.count = count or available_cores()
+        self._started = started or (lambda job: None)
 
     def run(self, jobs: Sequence[EpisodeJob], function: EpisodeFunction) -> Generator[Outcome, None, None]:
         """Carry out the jobs (study.jobs.Engine).
@@ -50,7 +57,7 @@ class LocalWorkers:
         setup = pickle.dumps(function)
         with temporary_folder() as logs:
             keepers = [_WorkerKeeper(logs / f"{number}.log", setup) for number in range(min(self.count, len(jobs)))]
-            threads = [threading.Thread(target=keeper.serve, args=(waiting, done)) for keeper in keepers]
+            threads = [threading.Thread(target=keeper.serve, args=(waiting, done, self._started)) for keeper in keepers]
             try:
                 for thread in threads:
                     thread.start()
@@ -76,11 +83,18 @@ class _WorkerKeeper:
         self._left = False
         self._worker: _WorkerProcess | None = None
 
-    def serve(self, waiting: "Queue[EpisodeJob]", done: "Queue[Outcome | WorkerError]") -> None:
+    def serve(
+        self,
+        waiting: "Queue[EpisodeJob]",
+        done: "Queue[Outcome | WorkerError]",
+        started: Callable[[EpisodeJob], None],
+    ) -> None:
         """Have jobs carried out until there are none, or `leave` is called."""
         try:
             while (worker := self._present_worker()) is not None:
-                done.put(worker.carry_out(waiting.get_nowait()))
+                job = waiting.get_nowait()
+                started(job)
+                done.put(worker.carry_out(job))
         except Empty:
             pass
         except WorkerError as error:

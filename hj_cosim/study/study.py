@@ -31,15 +31,14 @@ from hj_cosim.recording.study_files import (
     WALL_TIMES,
     WINDOWS,
 )
-from hj_cosim.settings import shown
 from hj_cosim.study.claims import claim_table
-from hj_cosim.study.cluster import DaskCluster
 from hj_cosim.study.design import StudyDesign
 from hj_cosim.study.driving import drive_episode
+from hj_cosim.study.engines import engine_of
 from hj_cosim.study.figures import draw_figures
 from hj_cosim.study.folder import Failure, StudyFolder
 from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob
-from hj_cosim.study.local_workers import LocalWorkers
+from hj_cosim.study.onlooker import Onlooker
 from hj_cosim.study.request import Texts, given_fields, new_study, resumed_study
 from hj_cosim.study.results import is_complete, read_result
 from hj_cosim.study.stacks import Stack
@@ -121,6 +120,7 @@ def run_study(
     out: PathLike[str] | str | None = None,
     progress: Progress | None = None,
     solving: Progress | None = None,
+    watch: Onlooker | None = None,
 ) -> Study:
     """Drive every stack in every scenario on the same seeds, and write the study's folder, as `hj-cosim study` does.
 
@@ -153,6 +153,7 @@ def run_study(
         out: the study's folder; a new one in runs/ unless given.
         progress: called with the episodes done, failed ones included, and the episodes in all.
         solving: called with the steps done and the steps in all while a value table is solved.
+        watch: told which episodes begin and end, if there is one.
 
     Returns:
         The tables, and which episodes failed; these are missing in the tables.
@@ -175,7 +176,7 @@ def run_study(
         keep=keep,
         traffic=traffic,
     )
-    engine = _engine(workers, scheduler)
+    engine = engine_of(workers, scheduler, watch)
     folder = _study_folder(None if out is None else given_path(out, "out"), given, resume=resume)
     driven = folder.tables
     kept = {
@@ -190,7 +191,7 @@ def run_study(
     believing = (cell.config for cell in folder.design.cells if cell.config.filter.priority == "belief")
     for robot in {config.robot for config in believing}:
         load_table(WORST_TABLE, solving, robot=robot)
-    return conduct(folder, engine, function=drive_episode, tables=kept, progress=progress)
+    return conduct(folder, engine, function=drive_episode, tables=kept, progress=progress, watch=watch)
 
 
 def _study_folder(out: Path | None, given: Mapping[str, Any], *, resume: bool) -> StudyFolder:
@@ -206,14 +207,6 @@ def _study_folder(out: Path | None, given: Mapping[str, Any], *, resume: bool) -
     request = new_study(given)
     folder = StudyFolder.of(out or Path(), request)
     return folder if out is not None else StudyFolder(new_study_folder(folder.design), request, folder.design)
-
-
-def _engine(workers: Any, scheduler: Any) -> Engine:
-    if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool)):
-        raise ConfigurationError(f"workers = {shown(repr(workers))} is no whole number; give how many to start")
-    if scheduler is not None and not isinstance(scheduler, str):
-        raise ConfigurationError(f"scheduler = {shown(repr(scheduler))} is no text; give its address, tcp://HOST:PORT")
-    return LocalWorkers(workers) if scheduler is None else DaskCluster(scheduler)
 
 
 def _program(tables: Mapping[str, Sequence[KeptTable]]) -> dict[str, str]:
@@ -237,6 +230,7 @@ def conduct(
     function: EpisodeFunction,
     tables: Mapping[str, Sequence[KeptTable]],
     progress: Progress | None = None,
+    watch: Onlooker | None = None,
 ) -> Study:
     """Drive what a study's folder lacks, and write its tables.
 
@@ -246,6 +240,7 @@ def conduct(
         function: how one is driven.
         tables: the solved value tables of each `table_key` of the configurations, that of cars first.
         progress: called with the episodes done and the episodes in all.
+        watch: told which episodes there are and which end, if there is one.
 
     Raises:
         RunFolderError, WorkerError: as `run_study`.
@@ -259,7 +254,9 @@ def conduct(
             progress(present + done, total)
 
     report(0)
-    failures = _drive(jobs, folder, engine, function, report)
+    if watch is not None:
+        watch.begun(folder, jobs)
+    failures = _drive(jobs, folder, engine, function, report, watch)
     return write_tables(folder, failures)
 
 
@@ -269,14 +266,18 @@ def _drive(
     engine: Engine,
     function: EpisodeFunction,
     report: Callable[[int], None],
+    watch: Onlooker | None,
 ) -> tuple[Failure, ...]:
     """Have an engine carry out the jobs, and return those that failed, in the order of the jobs."""
     failures: dict[Path, Failure] = {}
     with closing(engine.run(jobs, function)) as outcomes:
         for done, outcome in enumerate(outcomes, start=1):
             # A worker that was killed after it had put the folder in place has done its work.
-            if outcome.error is not None and not is_complete(outcome.job.folder):
+            is_driven = outcome.error is None or is_complete(outcome.job.folder)
+            if not is_driven:
                 failures[outcome.job.folder] = folder.keep_log(outcome)
+            if watch is not None:
+                watch.ended(outcome, is_driven)
             report(done)
     return tuple(failures[job.folder] for job in jobs if job.folder in failures)
 

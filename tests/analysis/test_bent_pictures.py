@@ -9,6 +9,7 @@ from bent_roads import WIDTH, circle
 
 from hj_cosim.analysis.figures.drive_map import drive_map
 from hj_cosim.analysis.figures.snapshots import BEHIND, snapshots
+from hj_cosim.analysis.figures.style import PAGE
 from hj_cosim.analysis.replay import AHEAD, HEADER, FrameArtist
 from hj_cosim.analysis.replay import BEHIND as SHOWN_BEHIND
 from hj_cosim.analysis.replay import WIDTH as PIXELS
@@ -73,7 +74,7 @@ def test_the_snapshots_of_a_bend_keep_the_road_frame_in_their_data(run):
     data = snapshots(run).data
     robot = data[data.vehicle == "robot"]
     assert robot.x.to_numpy()[0] == run.record.robot.x[0]
-    assert (np.abs(data.x - data.time.map(robot.set_index("time").x)) < BEHIND + 70.0).all()
+    assert (np.abs(data.x - data.time.map(robot.set_index("time").x)) < BEHIND[PAGE] + 70.0).all()
 
 
 def test_frames_show_the_robot_at_its_place_and_the_asphalt_where_the_road_bends_to(run, table):

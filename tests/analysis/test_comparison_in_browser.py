@@ -89,3 +89,19 @@ def test_a_replay_is_seen_whole_in_its_frame(page):
     for height, room_below, width, room_beside in sizes:
         assert 200 < height <= room_below
         assert 200 < width <= room_beside
+
+
+def test_a_window_that_is_made_wide_again_leaves_no_gap_below_the_replays(page):
+    heights = "[...document.querySelectorAll('iframe')].map(f => f.clientHeight)"
+    wide = page.evaluate(heights)
+    page.look(390, 900)
+    page.wait_for(f"{heights}.every((height, k) => height !== {wide}[k])")
+    page.look(1120, 900)
+    page.wait_for(f"JSON.stringify({heights}) === '{wide}'.replaceAll(' ', '')")
+
+
+def test_a_figure_on_a_telephone_scrolls_by_itself_and_its_letters_can_be_read(page):
+    page.look(390, 900)
+    width = page.evaluate("document.querySelector('figure img').clientWidth")
+    assert width * 7.0 / (178.0 * 72.0 / 25.4) > 8.0  # pixels, of what is 7 points in print
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390

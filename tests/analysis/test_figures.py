@@ -10,13 +10,13 @@ from PIL import Image
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
 from hj_cosim.analysis.figures.catalogue import FIGURES
 from hj_cosim.analysis.figures.control_sets import control_sets
-from hj_cosim.analysis.figures.density_sweep import density_sweep
 from hj_cosim.analysis.figures.gallery import draw_figure
 from hj_cosim.analysis.figures.highway import highway
-from hj_cosim.analysis.figures.planner_comparison import planner_comparison
+from hj_cosim.analysis.figures.planner_comparison import SQUEEZE, planner_comparison
 from hj_cosim.analysis.figures.schematic import BOXED_IN, boxed_in
 from hj_cosim.analysis.figures.snapshots import SNAPSHOTS, snapshots
 from hj_cosim.analysis.figures.style import Drawing, columns_of, save_drawing
+from hj_cosim.analysis.figures.sweep import density_sweep
 from hj_cosim.analysis.figures.target_sets import target_sets
 from hj_cosim.analysis.figures.timeline import timeline
 from hj_cosim.analysis.figures.trade_off import trade_off
@@ -116,9 +116,22 @@ def test_values_along_the_drive_are_the_nearby_cars(run, table):
 def test_plans_of_both_planners_start_where_the_last_step_led(table):
     data = planner_comparison(table, PlannerSettings(expansions=40)).data
     assert set(data.planner) == {"OP", "HJOP"}
-    for _, rows in data.groupby("planner"):
+    for _, rows in data[data.vehicle == "robot"].groupby("planner"):
         now, ahead = rows[rows.ahead == 0].set_index("time"), rows[rows.ahead == 1].set_index("time")
         np.testing.assert_allclose(now.x.iloc[1:], ahead.x.iloc[:-1])
+
+
+def test_the_planner_comparison_has_the_cars_where_they_are_expected_when_the_robot_gets_there(table):
+    drawing = planner_comparison(table, PlannerSettings(expansions=40))
+    data = drawing.data[(drawing.data.planner == "HJOP") & (drawing.data.time == 0.0)]
+    cars = data[data.vehicle != "robot"].pivot(index="vehicle", columns="ahead", values="x")
+    speeds = data[(data.vehicle != "robot") & (data.ahead == 0)].set_index("vehicle").speed
+    assert len(cars) == len(SQUEEZE.x)
+    assert (cars[1] > cars[0]).all()
+    assert ((cars[2] - cars[0]) / speeds).between(1.5, 2.2).all()  # 2 s on, at most braking gently
+    axes = next(axes for axes in drawing.figure.axes if axes.get_title(loc="left").startswith("HJOP, t = 0 s"))
+    outlines = {round(float(patch.get_xy()[:4, 0].mean()), 3) for patch in axes.patches[1:]}  # the first is the road
+    assert outlines >= {round(float(x), 3) for x in cars[2]}
 
 
 def test_chosen_controls_meet_their_half_planes_up_to_the_slack(run, table):
@@ -138,7 +151,7 @@ def test_the_trade_off_has_every_stack_and_its_intervals_of_speed_and_2d_ttc():
     )
     drawing = trade_off(table)
     axes = drawing.figure.axes[0]
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+    assert [text.get_text() for text in drawing.figure.legends[0].get_texts()] == [
         "HJOP + SPC + MI",
         "OP + RSS + SW",
         "OP + None",
@@ -152,7 +165,7 @@ def test_the_trade_off_has_every_stack_and_its_intervals_of_speed_and_2d_ttc():
 
 
 def test_the_density_sweep_goes_from_light_to_dense():
-    metrics = ("mean_speed", "ttc_ge_3", "intervention_percent", "mean_abs_acceleration")
+    metrics = ("mean_speed", "ttc_2d_p1", "intervention_percent", "mean_abs_acceleration")
     table = pd.DataFrame(
         {"scenario": scenario, "planner": p, "filter": f, "scheme": s}
         | {f"{metric}{end}": 1.0 for metric in metrics for end in ("", "_lo", "_hi")}

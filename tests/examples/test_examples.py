@@ -6,7 +6,6 @@ from importlib.resources import files
 import pandas as pd
 import pytest
 
-import hj_cosim.study.study as study
 from hj_cosim.examples import drive_and_plot, own_game, own_planner, sweep
 from hj_cosim.study.jobs import Outcome
 
@@ -32,7 +31,7 @@ class InThisProcess:
 def test_sweep_prints_paired_differences_of_the_weights(
     small_specification, small_table, tmp_path, capsys, monkeypatch
 ):
-    monkeypatch.setattr(study, "LocalWorkers", lambda workers: InThisProcess())
+    monkeypatch.setattr("hj_cosim.study.engines.LocalWorkers", lambda *_: InThisProcess())
     options = {"episodes": 2, "duration": 0.4, "table": str(small_specification), "scenarios": ("light",)}
     sweep.main(tmp_path / "sweep", **options)
     table = pd.read_csv(tmp_path / "sweep" / "table.csv")

@@ -13,6 +13,7 @@ from hj_cosim.reachability.table.store import kept_table
 from hj_cosim.study.design import StudyDesign, design_of
 from hj_cosim.study.folder import StudyFolder
 from hj_cosim.study.jobs import Engine, EpisodeFunction
+from hj_cosim.study.onlooker import Onlooker
 from hj_cosim.study.request import new_study, resumed_study
 from hj_cosim.study.study import Study, conduct
 
@@ -60,13 +61,15 @@ def conduct_synthetic(
         version: str = "1.0",
         function: EpisodeFunction = synthetic.drive,
         progress: Callable[[int, int], None] | None = None,
+        watch: Onlooker | None = None,
         **given,
     ) -> Study:
         place = tmp_path / name
         folder = StudyFolder.of(place, resumed_study(place, given)) if resume else study_folder(name, **given)
         folder.begin({"hj-cosim": version}, resume=resume)
         tables = dict.fromkeys(folder.tables, (table,))
-        return conduct(folder, engine or InThisProcess(), function=function, tables=tables, progress=progress)
+        engine = engine or InThisProcess()
+        return conduct(folder, engine, function=function, tables=tables, progress=progress, watch=watch)
 
     return conduct_it
 

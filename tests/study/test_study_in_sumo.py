@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from hj_cosim.reachability.table.store import kept_table, load_table
-from hj_cosim.study import study as study_module
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.folder import StudyFolder
 from hj_cosim.study.local_workers import LocalWorkers
@@ -45,7 +44,7 @@ def test_every_file_is_the_same_in_this_process_for_two_workers_killed_and_for_t
 ):
     scenario, settings = few_cars
     with monkeypatch.context() as patch:
-        patch.setattr(study_module, "LocalWorkers", lambda _: in_this_process)
+        patch.setattr("hj_cosim.study.engines.LocalWorkers", lambda *_: in_this_process)
         reference = run_study(scenario, settings=settings, out=tmp_path / "reference", **STUDY)
     files = all_files(reference.folder)
     assert {"table.csv", "episodes.parquet", "episodes/op-rss-sw/1/trajectories.parquet"} <= files.keys()
@@ -75,7 +74,7 @@ def test_every_file_is_the_same_in_this_process_for_two_workers_killed_and_for_t
 
 def test_a_study_may_keep_the_robot_alone(few_cars, in_this_process, monkeypatch, tmp_path):
     scenario, settings = few_cars
-    monkeypatch.setattr(study_module, "LocalWorkers", lambda _: in_this_process)
+    monkeypatch.setattr("hj_cosim.study.engines.LocalWorkers", lambda *_: in_this_process)
     options = {"episodes": 1, "stacks": "idle-none", "settings": settings}
     whole = run_study(scenario, out=tmp_path / "whole", **options).folder / "episodes" / "idle-none" / "0"
     lean = run_study(scenario, out=tmp_path / "lean", keep="robot", **options).folder / "episodes" / "idle-none" / "0"

@@ -1,5 +1,7 @@
 """The Gymnasium environment: Gymnasium's own checks, what is observed, the five actions, the filter around a policy."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -99,6 +101,24 @@ def test_a_collision_terminates_with_no_reward_and_time_truncates(make):
     env.reset(seed=0)
     hold = np.zeros(2, np.float32)
     assert [env.step(hold)[3] for _ in range(2)] == [False, True]
+
+
+def test_several_are_driven_at_once_in_processes_of_their_own():
+    options = {"scenario": ALONE, "duration": 0.3}
+    make_one = partial(HighwayEnv, **options)
+    envs = gymnasium.vector.AsyncVectorEnv([make_one, make_one])
+    try:
+        scenes, _ = envs.reset(seed=[3, 4])
+        assert scenes.shape == (2, 9, 7)
+        after, _, terminated, truncated, info = envs.step(np.array([[0.0, 1.0], [0.0, -1.0]], np.float32))
+        assert after[0, 0, 4] > scenes[0, 0, 4] > after[1, 0, 4]  # one speeds up, the other brakes
+        for _ in range(2):
+            _, _, terminated, truncated, info = envs.step(np.zeros((2, 2), np.float32))
+        assert truncated.all()
+        assert not terminated.any()
+        assert list(info["ended"]) == ["duration", "duration"]
+    finally:
+        envs.close()
 
 
 def test_one_s_own_reward_is_handed_what_came_of_the_action(make):

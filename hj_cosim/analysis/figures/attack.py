@@ -2,7 +2,6 @@
 
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.stacks import STACK_COLUMNS, stacks_of
@@ -10,19 +9,19 @@ from hj_cosim.metrics.catalogue import METRICS
 
 BEHAVIOUR, SHARE = "scenario.rogues.behaviour", "scenario.rogues.share"
 ROWS = tuple((name, METRICS[name].label_with_unit) for name in ("collisions", "collisions_responsible", "mean_speed"))
-COLUMN_WIDTH, ROW_HEIGHT = 1.5, 1.5  # inches
+ROW_HEIGHT = 37.0  # mm
 
 
-def attack(table: pd.DataFrame) -> style.Drawing:
+def attack(table: pd.DataFrame, width: int = style.PAGE) -> style.Drawing:
     """Return the metrics of a study in which behaviour and share of the rogues vary, with their intervals.
 
     Args:
         table: a study's table.csv, with the columns BEHAVIOUR and SHARE.
+        width: of the figure, mm.
     """
     behaviours = list(dict.fromkeys(table[BEHAVIOUR]))
     with style.house_style():
-        size = (max(style.PAGE_WIDTH, COLUMN_WIDTH * len(behaviours) + 1.5), ROW_HEIGHT * len(ROWS) + 0.6)
-        figure = Figure(figsize=size, layout="constrained")
+        figure = style.sheet(width, ROW_HEIGHT * len(ROWS) + 15.0, _message(table))
         panels = figure.subplots(len(ROWS), len(behaviours), sharex=True, sharey="row", squeeze=False)
         for column, behaviour in enumerate(behaviours):
             rows = table[table[BEHAVIOUR] == behaviour].sort_values(SHARE, kind="stable")
@@ -32,11 +31,21 @@ def attack(table: pd.DataFrame) -> style.Drawing:
             panels[-1, column].set_xlabel("share (%)")
         for row, (_, label) in enumerate(ROWS):
             panels[row, 0].set_ylabel(label.replace(" ", "\n", 1))
-        handles, names = panels[0, 0].get_legend_handles_labels()
-        figure.legend(handles, names, loc="outside right center", title="95 % intervals")
+        style.legend_beside(figure, panels[0, 0], width, "95 % intervals")
     metrics = [f"{metric}{ending}" for metric, _ in ROWS for ending in ("", "_lo", "_hi")]
     data = table[[BEHAVIOUR, SHARE, *STACK_COLUMNS, "episodes", *metrics]]
     return style.Drawing(figure, dict(data.items()))
+
+
+def _message(table: pd.DataFrame) -> str:
+    """Return who collides most and least where most drivers mean harm."""
+    metric, most = ROWS[0][0], table[SHARE].max()
+    means = {name: float(own[metric].mean()) for name, _, own in stacks_of(table[table[SHARE] == most])}
+    worst, best = max(means, key=lambda name: means[name]), min(means, key=lambda name: means[name])
+    among = f"Among {100.0 * most:.3g} % of drivers who mean harm"
+    if worst == best:
+        return f"{among} {worst} has {means[worst]:.2g} collisions a drive"
+    return f"{among} {best} has {means[best]:.2g} collisions a drive, {worst} {means[worst]:.2g}"
 
 
 def _draw(axes: Axes, rows: pd.DataFrame, metric: str) -> None:

@@ -13,7 +13,9 @@ class FigureKind:
 
     source: Source  # what it is drawn from
     description: str
-    drawn_by: str  # module:function of this folder; of (run), (run, table), (folder of a study), or (table)
+    drawn_by: (
+        str  # module:function of this folder; of (run), (run, table), (folder of a study), or (table), and of width
+    )
     needs_table: bool = False  # a run's figure that looks values up
 
 
@@ -22,7 +24,7 @@ FIGURES: Mapping[str, FigureKind] = {
     "boxed-in": FigureKind("table", "the robot boxed in by four cars", "schematic:boxed_in"),
     "value-slice": FigureKind("table", "the paper's slice of the value function", "value_slice:value_slice"),
     "planner-comparison": FigureKind(
-        "table", "plans of OP and HJOP, and the next two steps", "planner_comparison:planner_comparison"
+        "table", "what OP and HJOP plan, and where it leads", "planner_comparison:planner_comparison"
     ),
     "highway": FigureKind("run", "a moment from above, cars in the colours of their values", "highway:highway", True),
     "snapshots": FigureKind("run", "the drive from above at evenly spaced times", "snapshots:snapshots"),
@@ -41,6 +43,7 @@ FIGURES: Mapping[str, FigureKind] = {
     "target-sets": FigureKind(
         "study", "2D TTC over mean speed by the value table, in each traffic", "of_study:target_sets_of"
     ),
+    "sweep": FigureKind("study", "speed, safety and interventions over a varied setting", "of_study:sweep_of"),
     "density-sweep": FigureKind(
         "study", "speed, safety and interventions over the density", "of_study:density_sweep_of"
     ),

@@ -2,7 +2,6 @@
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.control.catalogue import make_filter
@@ -16,11 +15,11 @@ from hj_cosim.scene.observation import Control
 from hj_cosim.settings import FilterSettings, RobotSettings
 
 FILTERS = (("spc", "SPC"), ("rss", "RSS"))
-SCHEMES = (("mi", "MI", style.BLUE, "o", 6), ("sw", "SW", style.PURPLE, "s", 10))
+SCHEMES = (("mi", "MI", style.BLUE, "o", 6), ("sw", "SW", style.BLACK, "s", 10))
 MEMORY = 1.0  # s of the run before the moment that the filters see, for RSS remembers
 
 
-def control_sets(run: Run, table: ValueTable, time: float | None = None) -> style.Drawing:
+def control_sets(run: Run, table: ValueTable, time: float | None = None, width: int = style.PAGE) -> style.Drawing:
     """Return the half-planes and the chosen controls of SPC and RSS, MI and SW.
 
     Args:
@@ -28,6 +27,7 @@ def control_sets(run: Run, table: ValueTable, time: float | None = None) -> styl
         table: V.
         time: of the moment, s; unless given, the one with most constraints that can be met, of those the one of the
             least value.
+        width: of the figure, mm.
     """
     sample = _busiest_sample(run) if time is None else int(np.argmin(np.abs(run.record.time - time)))
     robot = RobotSettings.model_validate(run.config["robot"])
@@ -37,17 +37,20 @@ def control_sets(run: Run, table: ValueTable, time: float | None = None) -> styl
         for scheme, *_ in SCHEMES
     }
     with style.house_style():
-        figure = Figure(figsize=(style.PAGE_WIDTH, 3.2), layout="constrained")
+        moment = f"t = {run.record.time[sample]:.2f} s"
+        figure = style.sheet(width, 72.0 if width == style.PAGE else 68.0, _message(results, moment))
         panels = figure.subplots(1, 2, sharey=True)
         for axes, (kind, label) in zip(panels, FILTERS, strict=True):
             _draw_set(axes, results[kind, "mi"], robot)
             for scheme, name, colour, marker, size in SCHEMES:
                 _draw_control(axes, results[kind, scheme].control, marker, colour, size, name)
             _draw_control(axes, results[kind, "mi"].desired, "*", style.BLACK, 7, "desired")
-            axes.set_title(f"{label}: {len(results[kind, 'mi'].rows)} rows, t = {run.record.time[sample]:.2f} s")
+            count = len(results[kind, "mi"].rows)
+            axes.set_title(f"{label}: {count} {'condition' if count == 1 else 'conditions'}")
             axes.set_xlabel("ω (rad/s)")
+            axes.set_xticks([-robot.omega_max, 0.0, robot.omega_max])
         panels[0].set_ylabel("a (m/s²)")
-        panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="orange: all\nrows are met")
+        style.legend_beside(figure, panels[1], width)
     return style.Drawing(figure, style.columns_of(_rows(results)))
 
 
@@ -76,6 +79,23 @@ def _filtered(run: Run, table: ValueTable, sample: int, robot: RobotSettings, ki
     return decision
 
 
+def _message(results: dict[tuple[str, str], RowsDecision], moment: str) -> str:
+    """Return what the schemes do to the desired control, and what a condition is."""
+    changing = [label for kind, label in FILTERS if not _is_met(results[kind, "mi"])]
+    if not changing:
+        return f"At {moment} the desired control meets every car's condition, and both filters leave it"
+    changes = " and ".join(changing) + (" change" if len(changing) > 1 else " changes")
+    return (
+        f"At {moment} {changes} the desired control: MI to the nearest that meets every car's condition, SW to the"
+        " safest"
+    )
+
+
+def _is_met(result: RowsDecision) -> bool:
+    desired, rows = result.desired, result.rows
+    return bool(np.all(rows.p * desired.omega + rows.q * desired.acceleration + rows.c >= 0.0))
+
+
 def _draw_control(axes: Axes, control: Control, marker: str, colour: str, size: float, label: str) -> None:
     """Draw a control as a hollow marker, for several may be at one place, the corners included."""
     axes.plot(
@@ -93,6 +113,7 @@ def _draw_control(axes: Axes, control: Control, marker: str, colour: str, size: 
 
 
 def _draw_set(axes: Axes, result: RowsDecision, robot: RobotSettings) -> None:
+    """Shade the controls that meet every condition p ω + q a + c >= 0, and draw the edge of each."""
     omega = np.linspace(-robot.omega_max, robot.omega_max, 241)
     acceleration = np.linspace(robot.acceleration_min, robot.acceleration_max, 241)
     grid_omega, grid_acceleration = np.meshgrid(omega, acceleration)
@@ -103,6 +124,8 @@ def _draw_set(axes: Axes, result: RowsDecision, robot: RobotSettings) -> None:
         if row.min() < 0.0 < row.max():
             axes.contour(omega, acceleration, row, levels=[0.0], colors=style.GREY, linewidths=1.2)
     axes.contourf(omega, acceleration, safe, levels=[0.5, 1.5], colors=[style.ORANGE], alpha=0.45)
+    axes.plot([], [], color=style.GREY, linewidth=1.2, label="edge of a condition")
+    axes.fill([], [], color=style.ORANGE, alpha=0.45, linewidth=0, label="all are met")
     axes.set(xlim=(omega[0], omega[-1]), ylim=(acceleration[0], acceleration[-1]))
 
 

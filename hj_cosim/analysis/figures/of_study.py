@@ -1,6 +1,6 @@
 """The figures of a study from its folder, and its tables as they draw them; anybody may have made them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -8,9 +8,9 @@ import pyarrow.parquet as pq
 
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
 from hj_cosim.analysis.figures.attack import ROWS as ATTACK_ROWS
-from hj_cosim.analysis.figures.density_sweep import PANELS, density_sweep
 from hj_cosim.analysis.figures.stacks import STACK_COLUMNS
 from hj_cosim.analysis.figures.style import Drawing
+from hj_cosim.analysis.figures.sweep import PANELS, density_sweep, sweep
 from hj_cosim.analysis.figures.target_sets import TABLE as TARGET_TABLE
 from hj_cosim.analysis.figures.target_sets import target_sets
 from hj_cosim.analysis.figures.trade_off import METRICS_SHOWN, trade_off
@@ -27,33 +27,43 @@ MOST_STUDY_ROWS = 10_000_000
 TEXT_COLUMNS = ("scenario", *STACK_COLUMNS)
 
 
-def trade_off_of(folder: Path) -> Drawing:
+def trade_off_of(folder: Path, **width: int) -> Drawing:
     """Return the trade-off of a study, by its folder."""
-    metrics = [f"{metric}{ending}" for metric in METRICS_SHOWN for ending in ("", "_lo", "_hi")]
-    return trade_off(read_study_table(folder / TABLE, (*STACK_COLUMNS, *metrics)))
+    metrics = _with_intervals(METRICS_SHOWN)
+    return trade_off(read_study_table(folder / TABLE, (*STACK_COLUMNS, *metrics)), **width)
 
 
-def density_sweep_of(folder: Path) -> Drawing:
+def sweep_of(folder: Path, **width: int) -> Drawing:
+    """Return what a varied setting does in a study, by its folder."""
+    metrics = _with_intervals(metric for metric, _ in PANELS)
+    return sweep(read_study_table(folder / TABLE, (*STACK_COLUMNS, *metrics)), **width)
+
+
+def density_sweep_of(folder: Path, **width: int) -> Drawing:
     """Return what density does in a study, by its folder."""
-    metrics = [f"{metric}{ending}" for metric, _ in PANELS for ending in ("", "_lo", "_hi")]
+    metrics = _with_intervals(metric for metric, _ in PANELS)
     table = read_study_table(folder / TABLE, ("scenario", *STACK_COLUMNS, "episodes", *metrics))
     densities = scenario_densities(folder)
     unknown = sorted(set(table.scenario) - densities.keys())
     if unknown:
         raise RunFolderError(f"{folder} holds no complete study: it has no episode of scenario {unknown[0]}")
-    return density_sweep(table, densities)
+    return density_sweep(table, densities, **width)
 
 
-def attack_of(folder: Path) -> Drawing:
+def attack_of(folder: Path, **width: int) -> Drawing:
     """Return what drivers who mean harm do in a study, by its folder."""
-    metrics = [f"{metric}{ending}" for metric, _ in ATTACK_ROWS for ending in ("", "_lo", "_hi")]
-    return attack(read_study_table(folder / TABLE, (BEHAVIOUR, SHARE, *STACK_COLUMNS, "episodes", *metrics)))
+    metrics = _with_intervals(metric for metric, _ in ATTACK_ROWS)
+    return attack(read_study_table(folder / TABLE, (BEHAVIOUR, SHARE, *STACK_COLUMNS, "episodes", *metrics)), **width)
 
 
-def target_sets_of(folder: Path) -> Drawing:
+def target_sets_of(folder: Path, **width: int) -> Drawing:
     """Return what the target sets of a study are worth, by its folder."""
-    metrics = [f"{metric}{ending}" for metric in METRICS_SHOWN for ending in ("", "_lo", "_hi")]
-    return target_sets(read_study_table(folder / TABLE, ("scenario", TARGET_TABLE, *STACK_COLUMNS, *metrics)))
+    metrics = _with_intervals(METRICS_SHOWN)
+    return target_sets(read_study_table(folder / TABLE, ("scenario", TARGET_TABLE, *STACK_COLUMNS, *metrics)), **width)
+
+
+def _with_intervals(metrics: Iterable[str]) -> list[str]:
+    return [f"{metric}{ending}" for metric in metrics for ending in ("", "_lo", "_hi")]
 
 
 def scenario_densities(study: Path) -> dict[str, float]:

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.timeline import LARGEST_TTC, VALUE_TICKS
@@ -23,16 +22,17 @@ LOOKS: tuple[tuple[str, str | tuple[int, tuple[float, ...]]], ...] = (
 )
 
 
-def side_by_side(runs: Mapping[str, Run]) -> style.Drawing:
+def side_by_side(runs: Mapping[str, Run], width: int = style.PAGE) -> style.Drawing:
     """Return the time lines of several runs on one axis.
 
     Args:
         runs: at most len(LOOKS), by their labels.
+        width: of the figure, mm.
     """
     data = pd.concat([_columns(label, run) for label, run in runs.items()], ignore_index=True)
     heights = [1.0, 1.0, 1.0, 1.0, 0.18 * len(runs) + 0.1]
     with style.house_style():
-        figure = Figure(figsize=(style.PAGE_WIDTH, 6.4), layout="constrained")
+        figure = style.sheet(width, 160.0, _message(data))
         panels = figure.subplots(5, 1, sharex=True, height_ratios=heights)
         for (label, own), (colour, line) in zip(data.groupby("run", sort=False), LOOKS, strict=False):
             look = {"color": colour, "linestyle": line, "label": str(label).replace("$", r"\$")}
@@ -46,8 +46,21 @@ def side_by_side(runs: Mapping[str, Run]) -> style.Drawing:
         _label_panels(panels, data)
         _draw_interventions(panels[4], data)
         handles, names = panels[0].get_legend_handles_labels()
-        figure.legend(handles, names, loc="outside upper left", ncols=2 if len(runs) > 1 else 1)
+        columns = 1 if len(runs) == 1 or width == style.COLUMN else 2
+        figure.legend(handles, names, loc="outside lower left", ncols=columns)
     return style.Drawing(figure, dict(data.items()))
+
+
+def _message(data: pd.DataFrame) -> str:
+    """Return who is fastest and who comes nearest to V = 0, as a sentence."""
+    speeds, least = data.groupby("run", sort=False).speed.mean(), data.groupby("run", sort=False).value.min()
+    if len(speeds) == 1 or speeds.round(2).nunique() == 1:
+        return f"Mean speed is {speeds.iloc[0]:.2f} m/s in all runs; V falls to {least.min():.1f} m at the least"
+    fastest, nearest = str(speeds.idxmax()).replace("$", r"\$"), str(least.idxmin()).replace("$", r"\$")
+    return (
+        f"{fastest} is fastest, at {speeds.max():.2f} m/s in the mean; V falls lowest in {nearest}, to"
+        f" {least.min():.1f} m"
+    )
 
 
 def _columns(label: str, run: Run) -> pd.DataFrame:

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.metrics.declared_paper import SAFE_TTC
@@ -16,8 +15,13 @@ LARGEST_TTC = 100.0  # s, what is longer is drawn at the top edge
 Columns = Mapping[str, np.ndarray]
 
 
-def timeline(run: Run) -> style.Drawing:
-    """Return a run's time line; the stretches in which the filter intervenes are shaded in every panel."""
+def timeline(run: Run, width: int = style.PAGE) -> style.Drawing:
+    """Return a run's time line; the stretches in which the filter intervenes are shaded in every panel.
+
+    Args:
+        run: the run.
+        width: of the figure, mm.
+    """
     record = run.record
     robot = record.robot
     epsilon = float(run.config["filter"]["epsilon"])
@@ -33,7 +37,7 @@ def timeline(run: Run) -> style.Drawing:
         "collision": record.threats.collision,
     }
     with style.house_style():
-        figure = Figure(figsize=(style.PAGE_WIDTH, 5.6), layout="constrained")
+        figure = style.sheet(width, 130.0, _message(data, record.threats.collision, robot.intervening))
         panels = figure.subplots(4, 1, sharex=True)
         _draw_speed(panels[0], data)
         _draw_value(panels[1], data, epsilon)
@@ -42,10 +46,20 @@ def timeline(run: Run) -> style.Drawing:
         for axes in panels:
             shade(axes, record.time, robot.intervening, style.INTERVENTION, 0.5)
             shade(axes, record.time, record.threats.collision, style.GREY, 0.6)
-        panels[0].set_title("yellow: the filter intervenes, grey: collision", fontsize=8)
         panels[-1].set_xlabel("time (s)")
         panels[-1].set_xlim(record.time[0], max(record.time[-1], record.time[0] + 1e-3))
     return style.Drawing(figure, data)
+
+
+def _message(data: Columns, collision: np.ndarray, intervening: np.ndarray) -> str:
+    finite = data["value"][np.isfinite(data["value"])]
+    least = f"V is never below {finite.min():.1f} m" if len(finite) else "nobody comes near"
+    ttc = min(float(data["ttc"].min()), LARGEST_TTC)
+    crashed = " and the robot collides (grey)" if collision.any() else ""
+    return (
+        f"The filter intervenes {100.0 * float(intervening.mean()):.0f} % of the time (yellow), {least}, TTC never"
+        f" below {ttc:.1f} s{crashed}"
+    )
 
 
 def shade(axes: Axes, time: np.ndarray, flag: np.ndarray, colour: str, alpha: float) -> None:

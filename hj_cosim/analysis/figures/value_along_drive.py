@@ -3,7 +3,6 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 
 from hj_cosim.analysis.figures import style
 from hj_cosim.analysis.figures.timeline import shade
@@ -17,17 +16,24 @@ VIEW = 80.0  # m ahead and behind
 TOP = 40.0  # m, larger values are not drawn
 
 
-def value_along_drive(run: Run, table: ValueTable) -> style.Drawing:
-    """Return the values of the cars near the robot over time, and their positions relative to it in their colour."""
+def value_along_drive(run: Run, table: ValueTable, width: int = style.PAGE) -> style.Drawing:
+    """Return the values of the cars near the robot over time, and their positions relative to it in their colour.
+
+    Args:
+        run: the run.
+        table: V.
+        width: of the figure, mm.
+    """
     record = run.record
     values = car_values(record, table)[::EVERY]
     time = record.time[::EVERY]
     relative = record.traffic.x[::EVERY] - record.robot.x[::EVERY, None]
     near = np.isfinite(values) & (np.abs(relative) <= VIEW)
     with style.house_style():
-        figure = Figure(figsize=(style.PAGE_WIDTH, 4.6), layout="constrained")
+        epsilon = float(run.config["filter"]["epsilon"])
+        figure = style.sheet(width, 105.0, _message(values, near, epsilon))
         top, bottom = figure.subplots(2, 1, sharex=True)
-        _draw_values(top, time, values, near, float(run.config["filter"]["epsilon"]))
+        _draw_values(top, time, values, near, epsilon)
         _draw_positions(bottom, time, relative, values, near)
         shade(top, record.time, record.robot.intervening, style.INTERVENTION, 0.5)
         bottom.set_xlim(time[0], max(time[-1], time[0] + 1e-3))
@@ -36,6 +42,14 @@ def value_along_drive(run: Run, table: ValueTable) -> style.Drawing:
     names = np.array(record.traffic.names, dtype=object)
     data = {"time": time[sample], "vehicle": names[car], "p_x": relative[sample, car], "value": values[sample, car]}
     return style.Drawing(figure, data)
+
+
+def _message(values: np.ndarray, near: np.ndarray, epsilon: float) -> str:
+    cars, close = near.any(axis=0), (near & (values <= epsilon)).any(axis=0)
+    return (
+        f"Of {np.count_nonzero(cars)} cars within {VIEW:g} m of the robot, V of {np.count_nonzero(close)} falls to"
+        f" ε = {epsilon:g} m or below; yellow: the filter intervenes"
+    )
 
 
 def _draw_values(axes: Axes, time: np.ndarray, values: np.ndarray, near: np.ndarray, epsilon: float) -> None:
@@ -47,7 +61,6 @@ def _draw_values(axes: Axes, time: np.ndarray, values: np.ndarray, near: np.ndar
     axes.axhline(epsilon, color=style.GREY, linestyle="--", linewidth=1, label=f"ε = {epsilon:g} m")
     axes.axhline(0.0, color=style.BLACK, linewidth=0.8)
     axes.set_ylabel("V of each car (m)")
-    axes.set_title("yellow: the filter intervenes", fontsize=8)
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.0)
 
 
@@ -57,8 +70,8 @@ def _draw_positions(axes: Axes, time: np.ndarray, relative: np.ndarray, values: 
     points = np.stack([np.broadcast_to(time[:, None], relative.shape), relative], axis=-1)
     segments = np.stack([points[sample, car], points[sample + 1, car]], axis=1)
     scale = value_scale()
-    lines = LineCollection(list(segments), colors=scale.to_rgba(values[sample, car]), linewidths=1.8)
-    axes.set_facecolor("#D9D9D9")  # V = 0 is white
-    axes.add_collection(lines)
-    axes.axhline(0.0, color=style.ROBOT, linewidth=2)
+    # An outline, for safe values are pale.
+    axes.add_collection(LineCollection(list(segments), colors=style.GREY, linewidths=3.6, capstyle="round"))
+    axes.add_collection(LineCollection(list(segments), colors=scale.to_rgba(values[sample, car]), linewidths=2.6))
+    axes.axhline(0.0, color=style.BLACK, linewidth=1.2, linestyle="--")
     axes.set(ylim=(-VIEW, VIEW), ylabel="ahead of the robot (m)", xlabel="time (s)")

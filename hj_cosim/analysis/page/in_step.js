@@ -66,7 +66,7 @@
       fit(frame);
     }
     get("scrub").max = String(longest);
-    window.addEventListener("resize", () => frames.forEach(fit));
+    window.addEventListener("resize", () => frames.forEach((frame) => { frame.style.height = "0"; fit(frame); }));
     show(0);
     document.body.dataset.ready = "true";
   }

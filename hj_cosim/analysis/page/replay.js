@@ -12,7 +12,7 @@
   };
   const robot = Object.fromEntries(Object.entries(raw.robot).map(([name, column]) => [name, decode(column)]));
   const cars = Object.fromEntries(Object.entries(raw.cars).map(([name, column]) => [name, decode(column)]));
-  const last = robot.time.length - 1;
+  let last = robot.time.length - 1;
   const get = (id) => document.getElementById(id);
   const canvas = get("view");
   const pen = canvas.getContext("2d");
@@ -30,17 +30,20 @@
   const stripHeight = 70;
   strips.forEach((strip, number) => { strip.top = roadTop + roadHeight + 22 + number * (stripHeight + 14); });
   canvas.height = Math.ceil(strips[1].top + stripHeight + 8);
-  const speeds = [...robot.speed, ...robot.plan_speed].filter(Number.isFinite);
-  strips[0].limits = [
-    speeds.reduce((a, b) => Math.min(a, b), Infinity) - 1,
-    speeds.reduce((a, b) => Math.max(a, b), -Infinity) + 1,
-  ];
+  function fitStrips() {
+    const speeds = [...robot.speed, ...robot.plan_speed].filter(Number.isFinite);
+    strips[0].limits = [
+      speeds.reduce((a, b) => Math.min(a, b), Infinity) - 1,
+      speeds.reduce((a, b) => Math.max(a, b), -Infinity) + 1,
+    ];
+  }
 
   let sample = 0, playing = false, selected = -1, clock = 0, played = 0;
 
   const toX = (dx) => (dx + behind) * scale;
   const toY = (y) => roadTop + ((bend ? bend.high : (raw.lanes - 0.5) * raw.laneWidth) - y) * scale;
-  const timeX = (k) => 8 + (canvas.width - 16) * (last ? k / last : 0);
+  const span = () => Math.max(last, (raw.expected || 0) - 1);  // of a drive that is watched, more is to come
+  const timeX = (k) => 8 + (canvas.width - 16) * (span() ? k / span() : 0);
 
   function colour(value) {
     const limit = raw.valueLimit;
@@ -165,11 +168,15 @@
   }
 
   // The strips change with nothing but the run: drawn once, then copied under the cursor.
-  pen.fillStyle = "#ffffff"; pen.fillRect(0, 0, canvas.width, canvas.height);
-  strips.forEach(drawStrip);
   const backdrop = document.createElement("canvas");
   backdrop.width = canvas.width; backdrop.height = canvas.height;
-  backdrop.getContext("2d").drawImage(canvas, 0, 0);
+  function drawBackdrop() {
+    fitStrips();
+    pen.fillStyle = "#ffffff"; pen.fillRect(0, 0, canvas.width, canvas.height);
+    strips.forEach(drawStrip);
+    backdrop.getContext("2d").drawImage(canvas, 0, 0);
+  }
+  drawBackdrop();
 
   const number = (value, digits) => (Number.isFinite(value) ? value.toFixed(digits) : "∞");
   const write = (id, text) => { get(id).textContent = text; };
@@ -276,7 +283,7 @@
     const box = canvas.getBoundingClientRect();
     const x = (event.clientX - box.left) * canvas.width / box.width;
     const y = (event.clientY - box.top) * canvas.height / box.height;
-    if (y > strips[0].top - 12) return seek((x - 8) / (canvas.width - 16) * last);
+    if (y > strips[0].top - 12) return seek((x - 8) / (canvas.width - 16) * span());
     selected = -1;
     for (let k = cars.start[sample]; k < cars.start[sample + 1]; k++) {
       const [across, down, turned] = place(cars.dx[k], cars.y[k], 0);
@@ -308,6 +315,27 @@
     event.preventDefault();
     action(event);
   });
+  function append(more) {  // what a watched drive has done since
+    const following = sample === last && !playing;
+    const longer = (column, added) => {
+      const both = new column.constructor(column.length + added.length);
+      both.set(column); both.set(added, column.length);
+      return both;
+    };
+    const already = cars.vehicle.length;
+    for (const [name, column] of Object.entries(more.robot)) robot[name] = longer(robot[name], decode(column));
+    for (const [name, column] of Object.entries(more.cars)) {
+      const added = decode(column);
+      cars[name] = longer(cars[name], name === "start" ? added.slice(1).map((k) => k + already) : added);
+    }
+    raw.names.push(...more.names); raw.rogues.push(...more.rogues);
+    last = robot.time.length - 1;
+    get("scrub").max = String(last);
+    drawBackdrop();
+    show(following ? last : sample);
+  }
+  if (raw.expected) window.watchedReplay = { append };
+
   get("scrub").max = String(last);
   get("scrub").addEventListener("input", (event) => seek(Number(event.target.value)));
   get("play").addEventListener("click", (event) => { event.target.blur(); toggle(); });
@@ -315,5 +343,5 @@
   get("lowest-ttc").addEventListener("click", keys.t);
   get("next-collision").addEventListener("click", keys.c);
   canvas.addEventListener("click", click);
-  show(0);
+  show(raw.expected ? last : 0);
 })();
