@@ -192,6 +192,12 @@ def test_the_attack_has_a_column_of_panels_for_each_behaviour_and_shares_in_orde
         lines = [bars.lines[0] for bars in axes.containers]
         assert len(lines) == len(STACKS)
         assert all(line.get_xdata().tolist() == [5.0, 20.0] for line in lines)
+    # Collisions, 0.05 and 0.2 in three drives, are those of one drive; speeds are as they are.
+    of_collisions, of_speed = (panels[row, 0].containers[0].lines[0].get_ydata() for row in (0, 2))
+    assert of_collisions == pytest.approx([0.05 / 3, 0.2 / 3])
+    assert of_speed == pytest.approx([0.05, 0.2])
+    assert drawing.data.collisions_hi.tolist() == pytest.approx((table.collisions_hi / 3).tolist())
+    assert table.collisions_hi.tolist() == table.mean_speed.tolist()  # what is handed over is left alone
     assert len(drawing.data) == len(table)
 
 

@@ -8,17 +8,29 @@ from hj_cosim.analysis.figures.stacks import STACK_COLUMNS, stacks_of
 from hj_cosim.metrics.catalogue import METRICS
 
 BEHAVIOUR, SHARE = "scenario.rogues.behaviour", "scenario.rogues.share"
-ROWS = tuple((name, METRICS[name].label_with_unit) for name in ("collisions", "collisions_responsible", "mean_speed"))
+COUNTS = ("collisions", "collisions_responsible")  # over all drives of a row; drawn as of one
+ROWS = (
+    ("collisions", "collisions a drive"),
+    ("collisions_responsible", "the robot's own, a drive"),
+    ("mean_speed", METRICS["mean_speed"].label_with_unit),
+)
 ROW_HEIGHT = 37.0  # mm
 
 
 def attack(table: pd.DataFrame, width: int = style.PAGE) -> style.Drawing:
     """Return the metrics of a study in which behaviour and share of the rogues vary, with their intervals.
 
+    Collisions are those of one drive, in the picture and in its data.
+
     Args:
         table: a study's table.csv, with the columns BEHAVIOUR and SHARE.
         width: of the figure, mm.
     """
+    metrics = [f"{metric}{ending}" for metric, _ in ROWS for ending in ("", "_lo", "_hi")]
+    table = table[[BEHAVIOUR, SHARE, *STACK_COLUMNS, "episodes", *metrics]].copy()
+    for count in COUNTS:
+        for ending in ("", "_lo", "_hi"):
+            table[f"{count}{ending}"] /= table["episodes"]
     behaviours = list(dict.fromkeys(table[BEHAVIOUR]))
     with style.house_style():
         figure = style.sheet(width, ROW_HEIGHT * len(ROWS) + 15.0, _message(table))
@@ -32,9 +44,7 @@ def attack(table: pd.DataFrame, width: int = style.PAGE) -> style.Drawing:
         for row, (_, label) in enumerate(ROWS):
             panels[row, 0].set_ylabel(label.replace(" ", "\n", 1))
         style.legend_beside(figure, panels[0, 0], width, "95 % intervals")
-    metrics = [f"{metric}{ending}" for metric, _ in ROWS for ending in ("", "_lo", "_hi")]
-    data = table[[BEHAVIOUR, SHARE, *STACK_COLUMNS, "episodes", *metrics]]
-    return style.Drawing(figure, dict(data.items()))
+    return style.Drawing(figure, dict(table.items()))
 
 
 def _message(table: pd.DataFrame) -> str:
