@@ -7,8 +7,11 @@ import os
 import shutil
 import subprocess
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = (
@@ -137,3 +140,11 @@ class Browser:
             self._process.wait()
         os.close(self._output)
         os.close(self._input)
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """Return a browser, one for all tests of pages in this process; a room's conftest.py imports this."""
+    browser = Browser(tmp_path_factory.mktemp("chromium"))
+    yield browser
+    browser.close()

@@ -4,7 +4,7 @@ import logging
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -46,12 +46,12 @@ def run(
     ego: Annotated[str | None, typer.Option(help="Of a .sumocfg: the vehicle whose place the robot takes.")] = None,
     begin: Annotated[float | None, typer.Option(help="Of a .sumocfg: when the robot takes over, s.")] = None,
     traffic: Annotated[
-        Literal["theirs", "idm-mobil"] | None,
-        typer.Option(help="Of a .sumocfg: who drives the others, their own drivers or IDM and MOBIL; theirs."),
+        str | None,
+        typer.Option(help="Of a .sumocfg: who drives the others, theirs (their own drivers) or idm-mobil."),
     ] = None,
     record: Annotated[
-        Literal["near", "all"] | None,
-        typer.Option(help="Which cars are recorded: within 250 m, as of a .sumocfg unless given, or all."),
+        str | None,
+        typer.Option(help="Which cars are recorded: near (250 m; a .sumocfg's default) or all."),
     ] = None,
     assignments: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting; hj-cosim knobs lists them.")

@@ -44,8 +44,8 @@ def study(
         Literal["all", "robot"] | None, typer.Option(help="all, or robot: no trajectories of cars; all.")
     ] = None,
     traffic: Annotated[
-        Literal["theirs", "idm-mobil"] | None,
-        typer.Option(help="Of a .sumocfg: who drives the others, their own drivers or IDM and MOBIL; theirs."),
+        str | None,
+        typer.Option(help="Of a .sumocfg: who drives the others, theirs (their own drivers) or idm-mobil."),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the study in --out, which knows what it was asked for.")

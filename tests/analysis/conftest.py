@@ -2,20 +2,10 @@
 
 import os
 import shutil
-from collections.abc import Iterator
 
-import pytest
-from browser import Browser
+from browser import browser  # noqa: F401
 from synthetic_runs import config, make_hostile_run, make_record, record, table  # noqa: F401
 
 # Without a browser those tests are not collected, and tests/conftest.py says so; .ci/run insists on it.
 if shutil.which("chromium") is None and "HJ_COSIM_REQUIRE_BROWSER" not in os.environ:
     collect_ignore_glob = ["test_*_in_browser.py"]
-
-
-@pytest.fixture(scope="session")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """Return a browser, one for all tests of pages in this process."""
-    browser = Browser(tmp_path_factory.mktemp("chromium"))
-    yield browser
-    browser.close()

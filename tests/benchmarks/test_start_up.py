@@ -73,8 +73,6 @@ def test_make_run_on_a_fresh_machine(row, tmp_path):
     started = time.perf_counter()
     done = subprocess.run(["make", "run"], cwd=clone, env=environment, capture_output=True, text=True, check=False)
     taken = time.perf_counter() - started
-    if "No matching distribution" in done.stderr or "ConnectionError" in done.stderr:
-        pytest.skip("no package index can be reached with an empty environment")
     assert done.returncode == 0, done.stderr
     row("make run", taken)
     shutil.rmtree(clone)
