@@ -239,3 +239,16 @@ def test_no_drawn_car_starts_faster_than_the_limit(network):
         seen = world.observe()
         assert (seen.speed <= world.road.speed_limit(seen.x) + 1e-9).all()
         assert (seen.x > 1000.0).sum() > 5
+
+
+def test_where_lanes_have_different_limits_the_fastest_lane_s_is_the_road_s(network, tmp_path):
+    slower_on_the_right = network.read_text().replace(
+        'id="slow_0" index="0" speed="22.0"', 'id="slow_0" index="0" speed="16.0"'
+    )
+    assert 'speed="16.0"' in slower_on_the_right
+    changed = tmp_path / "lanes.net.xml"
+    changed.write_text(slower_on_the_right)
+    settings = NetworkSettings(route=["fast", "slow", "again"])
+    plain, with_a_slower_lane = (read_network(path, settings)[0] for path in (network, changed))
+    assert with_a_slower_lane.speed_limits(0.0, 2500.0).tolist() == plain.speed_limits(0.0, 2500.0).tolist()
+    assert plain.speed_limits(0.0, 2500.0)[:, 1].min() == 22.0
