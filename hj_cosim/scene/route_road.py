@@ -182,6 +182,14 @@ class RouteRoad:
         return [range(first, first + there) for first, there in pairs]
 
     @cached_property
+    def _lines(self) -> list[np.ndarray]:
+        """The lines beside the lanes of each section, m; never written."""
+        lines = [(np.arange(lanes.start, lanes.stop + 1) - 0.5) * self.lane_width for lanes in self._lanes]
+        for each in lines:
+            each.flags.writeable = False
+        return lines
+
+    @cached_property
     def _last_sections(self) -> list[list[int]]:
         """Of each section and lane, the last section in a row in which the lane exists; -1 where it does not end."""
         return [[self._end_of(section, lane) for lane in range(self.lane_count)] for section in range(len(self._lanes))]
@@ -283,8 +291,7 @@ class RouteRoad:
 
     def lane_lines(self, along: float) -> np.ndarray:
         """Return the lateral offsets (lanes there + 1,), m, of the lines beside the lanes at s, from the right."""
-        lanes = self.lanes_at(along)
-        return (np.arange(lanes.start, lanes.stop + 1) - 0.5) * self.lane_width
+        return self._lines[self._section(along)]
 
     def heading_at(self, along: float) -> float:
         """Return the road's heading in the world, rad, in (−π, π]."""

@@ -1,15 +1,16 @@
 """The background traffic of a scenario beside what is published of real motorways, with a verdict a line."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from hj_cosim.errors import ScenarioError
 from hj_cosim.scene.observation import Observation
+from hj_cosim.scene.road import Road
 from hj_cosim.settings import EpisodeConfig
 from hj_cosim.traffic.contract import World
 from hj_cosim.traffic.settling import follow_lane, robot_driver
-from hj_cosim.verification.traffic_measures import TrafficMeasures, measure_traffic
+from hj_cosim.verification.traffic_measures import Lanes, TrafficMeasures, measure_traffic
 
 SAMPLE = 0.1  # s between two looks at the traffic
 
@@ -105,23 +106,17 @@ def traffic_realism(
     honest = config.scenario.rogues.model_copy(update={"share": 0.0})
     scenario = config.scenario.model_copy(update={"rogues": honest})
     config = config.model_copy(update={"scenario": scenario})
-    lanes = 0
-
-    def drives() -> Iterator[list[Observation]]:
-        nonlocal lanes
-        for number in range(episodes):
-            lanes, observations = _drive(config.model_copy(update={"seed": config.seed + number}), open_world)
-            yield observations
-            if progress is not None:
-                progress(number + 1, episodes)
-
-    driven = list(drives())
-    measures = measure_traffic(driven, SAMPLE, lanes)
+    driven = []
+    for number in range(episodes):
+        driven.append(_drive(config.model_copy(update={"seed": config.seed + number}), open_world))
+        if progress is not None:
+            progress(number + 1, episodes)
+    measures = measure_traffic([observations for _, observations in driven], SAMPLE, Lanes.of(driven[0][0]))
     return measures, findings(measures)
 
 
-def _drive(config: EpisodeConfig, open_world: Callable[[EpisodeConfig], World]) -> tuple[int, list[Observation]]:
-    """Return the road's lanes and the traffic every SAMPLE seconds, after it has settled."""
+def _drive(config: EpisodeConfig, open_world: Callable[[EpisodeConfig], World]) -> tuple[Road, list[Observation]]:
+    """Return the road and the traffic every SAMPLE seconds, after it has settled."""
     step = config.simulation.step
     every = max(round(SAMPLE / step), 1)
     driver = robot_driver(config.scenario.drivers, config.scenario.robot.speed)
@@ -133,4 +128,4 @@ def _drive(config: EpisodeConfig, open_world: Callable[[EpisodeConfig], World]) 
             if number % every == 0:
                 seen.append(now)
             world.step(*follow_lane(now, driver, world.road, config.robot.length, step))
-        return world.road.lane_count, seen
+        return world.road, seen

@@ -10,12 +10,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hj_cosim.scene.observation import Observation
+from hj_cosim.scene.road import Road
 
 MIDDLE = (0.1, 0.9)  # of the cars, from rear to front
 FOLLOWING = 100.0  # m, who has another within this gap ahead is following it
 CRITICAL_TTC = 3.0  # s, the paper's
 SHORT_HEADWAY = 0.9  # s
 _ROBOT = -1
+_LANES_EVERY = 5.0  # m of a road, for how many lanes it has there
 
 
 @dataclass(frozen=True)
@@ -43,13 +45,33 @@ class _Sums:
     times_to_collision: list[np.ndarray] = field(default_factory=list)
 
 
-def measure_traffic(drives: Iterable[Iterable[Observation]], step: float, lanes: int) -> TrafficMeasures:
+@dataclass(frozen=True)
+class Lanes:
+    """How much lane there is up to each of some places on a road, where lanes may begin and end."""
+
+    along: np.ndarray  # (N,) m of s, ascending
+    metres: np.ndarray  # (N,) lane-metres up to there
+
+    @classmethod
+    def of(cls, road: Road) -> "Lanes":
+        """Return a road's; on a closed one cars may be up to a lap behind s = 0."""
+        along = np.arange(-road.lap, road.length + _LANES_EVERY, _LANES_EVERY)
+        there = np.array([len(road.lanes_at(min(place, road.length))) for place in along[:-1] + 0.5 * _LANES_EVERY])
+        return cls(along, np.append(0.0, np.cumsum(there * _LANES_EVERY)))
+
+    def between(self, rear: float, front: float) -> float:
+        """Return the lane-metres between two places, m of s."""
+        first, last = np.interp([rear, front], self.along, self.metres)
+        return float(last - first)
+
+
+def measure_traffic(drives: Iterable[Iterable[Observation]], step: float, lanes: Lanes) -> TrafficMeasures:
     """Return the measures of one or several drives together.
 
     Args:
         drives: each one's observations, evenly spaced, with two cars or more.
         step: s from one to the next.
-        lanes: of the road.
+        lanes: the road's.
     """
     sums = _Sums()
     for observations in drives:
@@ -74,10 +96,10 @@ def measure_traffic(drives: Iterable[Iterable[Observation]], step: float, lanes:
     )
 
 
-def _add_region(sums: _Sums, now: Observation, step: float, lanes: int) -> None:
+def _add_region(sums: _Sums, now: Observation, step: float, lanes: Lanes) -> None:
     rear, front = np.quantile(now.x, MIDDLE)
     inside = (now.x >= rear) & (now.x <= front)
-    sums.area += (front - rear) * lanes * step
+    sums.area += lanes.between(rear, front) * step
     sums.time += step * int(inside.sum())
     sums.distance += step * float(now.speed[inside].sum())
 

@@ -49,11 +49,12 @@ def test_a_workers_memory_does_not_grow_over_1000_episodes(small_specification, 
     """Episodes of 2 s in the paper's traffic, all ten stacks in turn, driven by one worker."""
     measured: dict[int, float] = {}
     own = psutil.Process()
+    before = set(own.children())  # of other benchmarks
     workers: set[int] = set()
 
     def measure(done: int, total: int) -> None:
         if done and done % REPORTED_EVERY == 0:
-            (worker,) = own.children()
+            (worker,) = set(own.children()) - before
             workers.add(worker.pid)
             measured[done] = own_memory(worker)
             print(f"  {done:5d} episodes: worker {measured[done]:6.1f} MB, the study {own_memory(own):6.1f} MB")

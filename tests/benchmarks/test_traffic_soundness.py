@@ -14,6 +14,7 @@ from hj_cosim.traffic.settling import follow_lane, robot_driver
 from hj_cosim.traffic.sources.scenarios import load_scenario, scenario_names
 from hj_cosim.traffic.sumo.puppet import ROBOT
 from hj_cosim.traffic.sumo.world import SumoWorld
+from hj_cosim.verification.traffic_measures import Lanes
 
 STEP = 0.02
 SETTLING = 3.0  # s
@@ -34,10 +35,10 @@ class Minute:
     hardest_braking: float  # m/s², of any car before the robot's first collision
 
 
-def mean_density(seen: Observation, lane_count: int) -> float:
+def mean_density(seen: Observation, lanes: Lanes) -> float:
     """Return cars per km and lane between the first and the last tenth of the cars: outliers shall not count."""
     first, last = np.quantile(seen.x, [0.1, 0.9])
-    return 1000.0 * 0.8 * len(seen.x) / ((last - first) * lane_count)
+    return 1000.0 * 0.8 * len(seen.x) / lanes.between(first, last)
 
 
 def robot_states(world: SumoWorld, driver: np.ndarray, robot_follows: bool) -> Iterator[tuple[float, Observation]]:
@@ -61,7 +62,8 @@ def a_minute(name: str, seed: int, robot_follows: bool) -> Minute:
     robots_first = math.inf
     drift = hardest = 0.0
     with SumoWorld(scenario, RobotSettings(), seed) as world:
-        start = mean_density(world.observe(), world.road.lane_count)
+        lanes = Lanes.of(world.road)
+        start = mean_density(world.observe(), lanes)
         driver = robot_driver(scenario.drivers, scenario.robot.speed)
         for time, seen in robot_states(world, driver, robot_follows):
             for each in libsumo.simulation.getCollisions():
@@ -69,7 +71,7 @@ def a_minute(name: str, seed: int, robot_follows: bool) -> Minute:
                 first_touch.setdefault(pair, time)
                 if ROBOT in pair:
                     robots_first = min(robots_first, time)
-            drift = max(drift, abs(mean_density(seen, world.road.lane_count) / start - 1.0))
+            drift = max(drift, abs(mean_density(seen, lanes) / start - 1.0))
             if time < robots_first:
                 hardest = max(hardest, -float(seen.acceleration.min()))
     among_cars = [time for pair, time in first_touch.items() if ROBOT not in pair]

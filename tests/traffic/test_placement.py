@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from hj_cosim.errors import ScenarioError
+from hj_cosim.locations import scenarios_folder
 from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import CarStart, NormalDistribution, RobotSettings, RobotStart, Scenario, TrafficSettings
+from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.kinds import draw_drivers, truncated_normal
 from hj_cosim.traffic.sources.placement import (
+    ENDING_SOON,
     density,
     initial_traffic,
     mean_spacing,
@@ -64,6 +67,22 @@ def test_the_density_is_the_stated_one(name):
         x, *_ = everybody(name, seed)
         here = 1000.0 * (len(x) - 1) / (np.ptp(x) * SCENARIOS[name])
         assert here == pytest.approx(density(scenario.traffic, SCENARIOS[name]), rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["ramps", "lane_drop"])
+def test_where_lanes_begin_and_end_each_that_lasts_has_the_stated_density(name):
+    scenario = load_scenario(name)
+    road, _ = read_network(scenarios_folder() / scenario.network.file, scenario.network)
+    cars = lane_kilometres = 0.0
+    for seed in range(10):
+        start = initial_traffic(scenario, road, RobotSettings(), seed)
+        along = np.arange(start.x.min(), start.x.max(), 5.0)
+        lasting = [
+            sum(road.lane_end(lane, place) - place > ENDING_SOON for lane in road.lanes_at(place)) for place in along
+        ]
+        cars += len(start.x)
+        lane_kilometres += 0.005 * sum(lasting)
+    assert cars / lane_kilometres == pytest.approx(scenario.traffic.density, rel=0.05)
 
 
 def test_the_papers_spacing_is_1_5_v_exp_minus_5_n_over_30():

@@ -7,10 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hj_cosim.locations import scenarios_folder
 from hj_cosim.scene.observation import Observation
+from hj_cosim.scene.road import StraightRoad
+from hj_cosim.traffic.route import read_network
+from hj_cosim.traffic.sources.scenarios import load_scenario
 from hj_cosim.verification.realism import CAPACITY, HEADWAY, findings
-from hj_cosim.verification.traffic_measures import measure_traffic
+from hj_cosim.verification.traffic_measures import Lanes, measure_traffic
 
+TWO_LANES = Lanes.of(StraightRoad(2, length=20_000.0))
 SPACING, SPEED, STEP = 50.0, 20.0, 0.1
 CARS = 200  # a lane
 
@@ -29,13 +34,24 @@ def platoon(seconds=2.0, robot_x=-1000.0):
 
 
 def test_a_platoon_has_the_flow_density_and_headways_that_it_was_made_with():
-    found = measure_traffic([platoon()], STEP, lanes=2)
+    found = measure_traffic([platoon()], STEP, TWO_LANES)
     assert found.density == pytest.approx(1000.0 / SPACING, rel=0.01)
     assert found.flow == pytest.approx(3.6 * SPEED * 1000.0 / SPACING, rel=0.01)
     assert found.speed == pytest.approx(SPEED)
     assert found.headway_median == pytest.approx((SPACING - 5.0) / SPEED)
     assert (found.lane_changes, found.short_headway_percent, found.critical_ttc_percent) == (0.0, 0.0, 0.0)
     assert math.isnan(found.ttc_p1)
+
+
+def test_flow_and_density_are_per_lane_that_there_is():
+    scenario = load_scenario("lane_drop")
+    road, _ = read_network(scenarios_folder() / scenario.network.file, scenario.network)
+    places = np.array([start for start in road.section_start if start < road.length] + [road.length])
+    counts = road.lanes_there
+    assert set(counts) == {2, 3}
+    for begins, ends, count in zip(places[:-1], places[1:], counts, strict=True):
+        assert Lanes.of(road).between(begins, ends) == pytest.approx(count * (ends - begins), abs=10.0)
+    assert Lanes.of(road).between(0.0, road.length) == pytest.approx(np.sum(counts * np.diff(places)), abs=20.0)
 
 
 def test_lane_changes_are_counted_per_kilometre_driven():
@@ -46,8 +62,8 @@ def test_lane_changes_are_counted_per_kilometre_driven():
             yield replace(now, lane=lane)
 
     driven = 2 * CARS * SPEED * 20 * STEP / 1000.0
-    assert measure_traffic([changing()], STEP, lanes=2).lane_changes == pytest.approx(4 / driven)
-    twice = measure_traffic([changing(), changing()], STEP, lanes=2)
+    assert measure_traffic([changing()], STEP, TWO_LANES).lane_changes == pytest.approx(4 / driven)
+    twice = measure_traffic([changing(), changing()], STEP, TWO_LANES)
     assert twice.lane_changes == pytest.approx(4 / driven)
 
 
@@ -59,7 +75,7 @@ def test_who_closes_in_has_a_time_to_collision_and_who_is_near_a_short_headway()
             speed[10] = 25.0  # closing at 5 m/s
             yield replace(now, speed=speed, x=x)
 
-    found = measure_traffic([hurried()], STEP, lanes=2)
+    found = measure_traffic([hurried()], STEP, TWO_LANES)
     pairs = 2 * (CARS - 1)
     assert found.ttc_p1 == pytest.approx(10.0 / 5.0)
     assert found.critical_ttc_percent == pytest.approx(100.0 / (pairs - 1), rel=0.01)
@@ -71,7 +87,7 @@ def test_the_robot_is_nobody_s_leader_and_follows_nobody():
         for now in platoon(seconds=STEP):
             yield replace(now, robot=np.array([now.x[50] + 6.0, 0.0, 0.0, 1.0]))
 
-    found = measure_traffic([beside_the_robot()], STEP, lanes=2)
+    found = measure_traffic([beside_the_robot()], STEP, TWO_LANES)
     assert found.headway_median == pytest.approx((SPACING - 5.0) / SPEED)
     assert (found.short_headway_percent, found.critical_ttc_percent) == (0.0, 0.0)
 
@@ -79,9 +95,9 @@ def test_the_robot_is_nobody_s_leader_and_follows_nobody():
 def test_verdicts_say_where_a_value_lies():
     assert [CAPACITY.verdict(value) for value in (100.0, 2101.0)] == ["within", "above"]
     assert [HEADWAY.verdict(value) for value in (0.8, 1.2, math.nan)] == ["below", "within", "nothing to measure"]
-    found = {finding.quantity: finding for finding in findings(measure_traffic([platoon()], STEP, lanes=2))}
+    found = {finding.quantity: finding for finding in findings(measure_traffic([platoon()], STEP, TWO_LANES))}
     assert found["speed"].verdict == "no band"  # at 1440 vehicles an hour nobody is free to choose it
-    thin = replace(measure_traffic([platoon()], STEP, lanes=2), flow=400.0, density=5.0)
+    thin = replace(measure_traffic([platoon()], STEP, TWO_LANES), flow=400.0, density=5.0)
     assert {finding.quantity: finding.verdict for finding in findings(thin)}["speed"] == "below"
 
 

@@ -13,13 +13,14 @@ import numpy as np
 from numba import njit
 
 from hj_cosim.control.spc.recovery import recovery_rate
+from hj_cosim.kernels import kernel
 from hj_cosim.reachability.table.value_scale import scaled, steepness
 
 NOT_NEEDED = -1
 _NO_REACH = 1e-12  # of a row that no control changes
 
 
-@njit(cache=True)
+@kernel
 def asked_rise(value: float, epsilon: float, recovery: float, approach: float) -> float:
     """Return how fast V has to rise at the least, m/s; negative where it may fall.
 
@@ -35,13 +36,13 @@ def asked_rise(value: float, epsilon: float, recovery: float, approach: float) -
     return recovery_rate(value, epsilon, recovery)
 
 
-@njit(cache=True)
+@kernel
 def can_bind(p: float, q: float, c: float, box: np.ndarray) -> bool:
     """Return whether some control in the box (4,), lower and upper ω, lower and upper a, misses p ω + q a + c >= 0."""
     return min(p * box[0], p * box[1]) + min(q * box[2], q * box[3]) + c < 0.0
 
 
-@njit(cache=True)
+@kernel
 def _misses_by(row: np.ndarray, first: int, omega: float, acceleration: float, box: np.ndarray) -> float:
     """Return by how much a control misses a row, as a share of what the box can change; not above 0 if it meets it."""
     p, q = row[first + 1], row[first + 2]
@@ -50,7 +51,7 @@ def _misses_by(row: np.ndarray, first: int, omega: float, acceleration: float, b
 
 
 # Eight parameters, one of them the row that is written.
-@njit(cache=True)
+@kernel
 def begun_row(
     row: np.ndarray,
     epsilon: float,

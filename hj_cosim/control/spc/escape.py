@@ -27,6 +27,7 @@ from numba import njit
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from hj_cosim.errors import TableError
+from hj_cosim.kernels import kernel
 from hj_cosim.reachability.games.highway.manoeuvres import (
     Manoeuvres,
     Paths,
@@ -88,7 +89,7 @@ class Extent(NamedTuple):
         return cls(grid.lower[0], grid.upper[0], grid.lower[1], grid.upper[1], grid.braking_shear)
 
 
-@njit(cache=True)
+@kernel
 def is_to_be_looked_at(extent: Extent, value: float, p_x: float, p_y: float, v_r: float, v_o: float) -> bool:
     """Return whether an escape has to be kept from a car; the state as in a look-up, and V, m.
 
@@ -100,13 +101,13 @@ def is_to_be_looked_at(extent: Extent, value: float, p_x: float, p_y: float, v_r
     return value <= HIGHEST or beside
 
 
-@njit(cache=True)
+@kernel
 def _class_of(other: np.ndarray) -> int:
     """Return the size class of a car, (3,) p_x, p_y, v, or (4,) with it."""
     return int(other[3]) if len(other) > 3 else 0
 
 
-@njit(cache=True)
+@kernel
 def _escapes_from_one(manoeuvres: Manoeuvres, start: Start, paths: Paths, robot: np.ndarray, other: np.ndarray) -> bool:
     """Return whether a manoeuvre keeps more than the reserve from one car by itself, a row of `keep_escape`'s."""
     count, kind = len(manoeuvres.heading), _class_of(other)
@@ -121,7 +122,7 @@ def _escapes_from_one(manoeuvres: Manoeuvres, start: Start, paths: Paths, robot:
     return False
 
 
-@njit(cache=True)
+@kernel
 def _guaranteed_against_all(
     manoeuvres: Manoeuvres,
     manoeuvre: int,
@@ -150,7 +151,7 @@ def _guaranteed_against_all(
     return least
 
 
-@njit(cache=True)
+@kernel
 def _one_escapes_from_all(
     manoeuvres: Manoeuvres, start: Start, paths: Paths, robot: np.ndarray, others: np.ndarray, floor: float
 ) -> bool:
@@ -161,7 +162,7 @@ def _one_escapes_from_all(
     return False
 
 
-@njit(cache=True)
+@kernel
 def _is_in_target_set(manoeuvres: Manoeuvres, robot: np.ndarray, others: np.ndarray) -> bool:
     """Return whether V(0, ·) <= 0 with any of the cars, from where no control keeps the reserve; quickly seen."""
     for j in range(len(others)):
@@ -172,7 +173,7 @@ def _is_in_target_set(manoeuvres: Manoeuvres, robot: np.ndarray, others: np.ndar
     return False
 
 
-@njit(cache=True)
+@kernel
 def _follows_too_closely(manoeuvres: Manoeuvres, robot: np.ndarray, other: np.ndarray) -> bool:
     """Return whether a car, a row of others, is behind where it does not do its duty: no manoeuvre is bound by that.
 
@@ -185,7 +186,7 @@ def _follows_too_closely(manoeuvres: Manoeuvres, robot: np.ndarray, other: np.nd
     return target_at(game.target, p_x, p_y, robot[2], robot[3], other[2]) <= 0.0
 
 
-@njit(cache=True)
+@kernel
 def _first_control(
     manoeuvres: Manoeuvres, which: int, heading: float, speed: float, step: float
 ) -> tuple[float, float]:
@@ -198,16 +199,18 @@ def _first_control(
     return min(max(rest / step, -omega_max), omega_max), acceleration
 
 
-@njit(cache=True)
+@kernel
 def _best_manoeuvre(
-    manoeuvres: Manoeuvres, robot: np.ndarray, others: np.ndarray, step: float, driven: int
+    manoeuvres: Manoeuvres, paths: Paths, robot: np.ndarray, others: np.ndarray, step: float, driven: int
 ) -> tuple[int, float]:
     """Return the manoeuvre to drive, and what it guarantees against all of the cars at once, m.
 
     It is the one driven before as long as it escapes, and else the one that guarantees most, however little. What
     counts begins a step from now: what is lost already is lost in every manoeuvre, and would hide which is best.
+    `paths` is room, in which no path is kept.
     """
-    best, most, paths = 0, -math.inf, room_for_paths(manoeuvres)
+    best, most = 0, -math.inf
+    paths.instants[:] = 0
     for turn in range(-1, len(manoeuvres.heading)):
         which = driven if turn < 0 else turn
         if which < 0 or (turn >= 0 and turn == driven):
@@ -262,7 +265,7 @@ def keep_escape(
         manoeuvres, after, paths, robot, threats, RESERVE
     ):
         return omega, acceleration, PASSED, NO_MANOEUVRE
-    best, most = _best_manoeuvre(manoeuvres, robot, threats, step, driven)
+    best, most = _best_manoeuvre(manoeuvres, paths, robot, threats, step, driven)
     turning, gain = _first_control(manoeuvres, best, robot[2], robot[3], step)
     return turning, gain, ESCAPING if most > 0.0 else NO_ESCAPE, best
 

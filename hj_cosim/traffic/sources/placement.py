@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +26,7 @@ from hj_cosim.vehicles.idm import (
 REAR_MARGIN = 50.0
 # Nobody is put into a lane that ends within this (m): who starts at full speed could not leave it in time.
 ENDING_SOON = 300.0
+LOOKED_AT_EVERY = 10.0  # m of a road, for how many lanes it has
 
 
 @dataclass(frozen=True)
@@ -108,8 +108,29 @@ def filled(scenario: Scenario, road: Road) -> Scenario:
 def _start_on_route(scenario: Scenario, road: Road) -> float:
     """Return where the robot starts, m of s: with room for those behind it, however they are drawn."""
     traffic = scenario.traffic
-    drawn = traffic.count_behind * mean_spacing(traffic, road.lane_count) * (1.0 + traffic.spacing_jitter)
+    fewest = min(_lanes_to_fill(road, float(along)) for along in np.arange(0.0, road.length, LOOKED_AT_EVERY))
+    drawn = traffic.count_behind * mean_spacing(traffic, fewest) * (1.0 + traffic.spacing_jitter)
     return REAR_MARGIN + max(drawn, -min((car.x for car in scenario.cars), default=0.0))
+
+
+@dataclass(frozen=True)
+class _Way:
+    """The road from the robot on, ahead or behind, as cars are drawn on it; x is the distance from the robot, m."""
+
+    scenario: Scenario
+    road: Road
+    start: float  # m of s, the robot's
+    direction: float  # 1 ahead, −1 behind
+
+    def spacing(self, x: float) -> float:
+        """Return the mean distance to the next car in whichever lane, m, among as many lanes as there are."""
+        return mean_spacing(self.scenario.traffic, _lanes_to_fill(self.road, self.start + self.direction * x))
+
+    def room(self, x: float, over: float) -> np.ndarray:
+        """Return the room (lanes,), m, beside the cars placed by hand; −inf where there is no lane."""
+        along = self.direction * x
+        room = _room_beside(self.scenario, self.road.lane_count, along, over)
+        return np.where(_lanes_that_last(self.road, self.start + along), room, -math.inf)
 
 
 def _places(
@@ -118,27 +139,19 @@ def _places(
     """Return x relative to the robot (m) and the lane of every drawn car, of a length (m): ahead, then behind."""
     traffic, lane_count = scenario.traffic, road.lane_count
     start = 0.0 if road.is_straight else _start_on_route(scenario, road)
-    spacing = mean_spacing(traffic, lane_count)
     least = _gap_at(0.5 * stream_speed(scenario, lane_count), mean_driver(scenario.drivers)) + CAR_LENGTH
     nearest = np.full(lane_count, -math.inf)
     # The robot has the room ahead that a car of the stream has on average: otherwise a close leader in its lane would
     # decide how the episode begins.
-    nearest[scenario.robot.lane] = max(spacing * lane_count - least, 0.0)
-    spacings = (spacing, traffic.spacing_jitter, least)
+    here = _lanes_to_fill(road, start)
+    nearest[scenario.robot.lane] = max(mean_spacing(traffic, here) * here - least, 0.0)
     over = 0.5 * (length - CAR_LENGTH)
-
-    def room_ahead(x: float, longer: float) -> np.ndarray:
-        return np.where(_lanes_that_last(road, start + x), _room_beside(scenario, lane_count, x, longer), -math.inf)
-
-    def room_behind(x: float, longer: float) -> np.ndarray:
-        return np.where(_lanes_that_last(road, start - x), _room_beside(scenario, lane_count, -x, longer), -math.inf)
-
-    ahead = _one_direction(over[: traffic.count], spacings, nearest, room_ahead, random)
+    ahead = _one_direction(over[: traffic.count], _Way(scenario, road, start, 1.0), least, nearest, random)
     nearest = np.full(lane_count, math.inf)
     for x, lane, longer in zip(*ahead, over, strict=False):
         nearest[lane] = min(nearest[lane], x - longer)
     nearest[scenario.robot.lane] = 0.0
-    behind = _one_direction(over[traffic.count :], spacings, -nearest, room_behind, random)
+    behind = _one_direction(over[traffic.count :], _Way(scenario, road, start, -1.0), least, -nearest, random)
     return np.concatenate([ahead[0], -behind[0]]), np.concatenate([ahead[1], behind[1]])
 
 
@@ -148,6 +161,11 @@ def _lanes_that_last(road: Road, along: float) -> np.ndarray:
     for lane in road.lanes_at(along):
         lasts[lane] = road.lane_end(lane, along) - along > ENDING_SOON
     return lasts
+
+
+def _lanes_to_fill(road: Road, along: float) -> int:
+    """Return how many lanes cars are drawn into at s: those that last, or one."""
+    return max(int(np.count_nonzero(_lanes_that_last(road, along))), 1)
 
 
 def _room_beside(scenario: Scenario, lane_count: int, x: float, over: float) -> np.ndarray:
@@ -160,32 +178,28 @@ def _room_beside(scenario: Scenario, lane_count: int, x: float, over: float) -> 
 
 
 def _one_direction(
-    over: np.ndarray,
-    spacings: tuple[float, float, float],
-    nearest: np.ndarray,
-    room_at: Callable[[float, float], np.ndarray],
-    random: np.random.Generator,
+    over: np.ndarray, way: _Way, least: float, nearest: np.ndarray, random: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return distances (m) from the robot, growing, and lanes.
 
     Args:
         over: (count,) by how much half of each is longer than half of a car, m.
-        spacings: the mean, its share that varies, and the least in a lane, m.
+        way: where they are drawn.
+        least: m, from car to car in a lane.
         nearest: (lanes,) who stands there already, m.
-        room_at: of a distance and a car's `over`, the room in each lane (lanes,), m, beside the drawn ones; −inf where
-            there is no lane.
         random: draws.
     """
-    spacing, jitter, least = spacings
-    count = len(over)
-    distances = np.cumsum(spacing * random.uniform(1.0 - jitter, 1.0 + jitter, count))
-    lanes = np.empty(count, dtype=np.int64)
-    last = nearest.copy()
-    for car, distance in enumerate(distances):
-        room = np.minimum(distance - over[car] - last, room_at(distance, over[car]))
+    jitter = way.scenario.traffic.spacing_jitter
+    shares = random.uniform(1.0 - jitter, 1.0 + jitter, len(over))
+    distances, lanes = np.empty(len(over)), np.empty(len(over), dtype=np.int64)
+    distance, last = 0.0, nearest.copy()
+    for car, share in enumerate(shares):
+        distance += way.spacing(distance) * share
+        room = np.minimum(distance - over[car] - last, way.room(distance, over[car]))
         open_lanes = np.flatnonzero(room >= least)
-        lanes[car] = random.choice(open_lanes) if len(open_lanes) else np.argmax(room)
-        last[lanes[car]] = distance + over[car]
+        lane = random.choice(open_lanes) if len(open_lanes) else np.argmax(room)
+        distances[car], lanes[car] = distance, lane
+        last[lane] = distance + over[car]
     return distances, lanes
 
 

@@ -12,9 +12,9 @@ if it did not see the robot slow down. The bound holds for many cars at once, fo
 """
 
 import numpy as np
-from numba import njit
 
 from hj_cosim.errors import TableError
+from hj_cosim.kernels import kernel
 from hj_cosim.reachability.games.highway.least_between import least_of_step
 from hj_cosim.reachability.games.highway.other_car import (
     BESIDE,
@@ -35,7 +35,7 @@ from hj_cosim.reachability.games.highway.target import TargetFormula
 _ROUNDING = 1e-6  # m/s²
 
 
-@njit(cache=True)
+@kernel
 def level_of_duties(target: TargetFormula, other: Disturbance) -> float:
     """Return the margin of V(0, ·) that the duties leave a robot that goes straight, m: beside it or along the road."""
     lateral = max(target.lateral_0 + target.lateral_2 * target.gained * target.gained, 0.0)
@@ -43,7 +43,7 @@ def level_of_duties(target: TargetFormula, other: Disturbance) -> float:
     return min(4.0 * beside * beside * beside, other.standing_gap)
 
 
-@njit(cache=True)
+@kernel
 def _most_acceleration(game: Game, row: np.ndarray, gap: float, speed: float, aside: float, towards: float) -> float:
     """Return how hard a car behind may accelerate at the most, m/s².
 
@@ -62,7 +62,7 @@ def _most_acceleration(game: Game, row: np.ndarray, gap: float, speed: float, as
     return most - max(in_lane, staying) * crowding * (most + other.brake_min)
 
 
-@njit(cache=True)
+@kernel
 def _steering_share(other: Disturbance, distance: float, width: float, room: float) -> float:
     """Return which share of its steering a car may use towards a robot's side.
 
@@ -78,7 +78,7 @@ def _steering_share(other: Disturbance, distance: float, width: float, room: flo
     return 1.0 - near * (1.0 - ramp(room, 0.0, CUTTING_IN)) * ramp(distance, 0.0, STRAIGHT_AHEAD)
 
 
-@njit(cache=True)
+@kernel
 def guaranteed_by_duties(
     game: Game, path: np.ndarray, first: int, speed: float, p_x: float, p_y: float, floor: float
 ) -> float:

@@ -2,13 +2,13 @@
 
 import math
 
-from numba import njit
+from hj_cosim.kernels import kernel
 
 _ROOT_STEPS = 80
 _ROOT_TOLERANCE = 1e-9  # m
 
 
-@njit(cache=True)
+@kernel
 def least_between(along_0: float, across_0: float, along_1: float, across_1: float) -> float:
     """Return the least of max(along, 4 across³), m, where `along` and `across` go straight from one value to another.
 
@@ -42,7 +42,7 @@ def least_between(along_0: float, across_0: float, along_1: float, across_1: flo
     return least
 
 
-@njit(cache=True)
+@kernel
 def least_of_step(along: tuple[float, float], across: tuple[float, float], known: float) -> float:
     """Return the least of max(along, 4 across³) in a step, or `known` if that is less."""
     nearest = min(across[0], across[1])

@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hj_cosim.kernels import kernel
 from hj_cosim.reachability.games.highway.duty_bound import guaranteed_by_duties, level_of_duties, require_hold
 from hj_cosim.reachability.games.highway.least_between import least_of_step
 from hj_cosim.reachability.games.highway.other_car import Disturbance
@@ -79,7 +80,7 @@ NO_MANOEUVRES = _without_larger(
 )
 
 
-@njit(cache=True)
+@kernel
 def game_with(manoeuvres: Manoeuvres, kind: int) -> Game:
     """Return the game with other cars of a size class."""
     return manoeuvres.game if kind == 0 else game_from(manoeuvres.games[kind])
@@ -135,7 +136,7 @@ def room_for_paths(manoeuvres: Manoeuvres) -> Paths:
     return Paths(np.empty((count, MOST_INSTANTS, COLUMNS)), np.zeros(count, np.int64))
 
 
-@njit(cache=True)
+@kernel
 def require_path(manoeuvres: Manoeuvres, which: int, start: Start, paths: Paths) -> None:
     """Write a path, by its row, unless it is written; mostly the first few are all that is wanted."""
     if paths.instants[which] == 0:
@@ -152,13 +153,43 @@ class Other(NamedTuple):
     until_top: float  # s, at its strongest acceleration
 
 
-@njit(cache=True)
+@kernel
 def other_at(game: Game, speed: float) -> Other:
     """Return the other car at a speed, which is held to be within the game's, m/s."""
     speed = min(max(speed, 0.0), game.other_speed_max)
     braking, gain = game.other_acceleration_min, game.other_acceleration_max
     until_stop = speed / -braking if braking < 0.0 else math.inf
     return Other(speed, until_stop, (game.other_speed_max - speed) / gain if gain > 0.0 else math.inf)
+
+
+class Place(NamedTuple):
+    """The robot at an instant, as the gaps need it: what `paths` writes, m."""
+
+    x: float
+    y: float
+    as_rear: float
+    as_front: float
+    left: float
+    right: float
+
+
+@kernel
+def _place_at(row: np.ndarray) -> Place:
+    """Return where the robot is at a row of a path."""
+    return Place(row[X], row[Y], row[AS_REAR], row[AS_FRONT], row[LEFT], row[RIGHT])
+
+
+@kernel
+def _place_between(last: np.ndarray, row: np.ndarray, share: float) -> Place:
+    """Return where the robot is after a share of the step between two rows, as if everything went straight."""
+    return Place(
+        last[X] + share * (row[X] - last[X]),
+        last[Y] + share * (row[Y] - last[Y]),
+        last[AS_REAR] + share * (row[AS_REAR] - last[AS_REAR]),
+        last[AS_FRONT] + share * (row[AS_FRONT] - last[AS_FRONT]),
+        last[LEFT] + share * (row[LEFT] - last[LEFT]),
+        last[RIGHT] + share * (row[RIGHT] - last[RIGHT]),
+    )
 
 
 class Gaps(NamedTuple):
@@ -172,29 +203,29 @@ class Gaps(NamedTuple):
     right: float
 
 
-@njit(cache=True)
-def _gaps(game: Game, other: Other, time: float, p_x: float, p_y: float, robot: np.ndarray) -> Gaps:
-    """Return the gaps at an instant; p_x, p_y are robot − other at the beginning, m, and `robot` is of a path."""
+@kernel
+def _gaps(game: Game, other: Other, time: float, p_x: float, p_y: float, robot: Place) -> Gaps:
+    """Return the gaps at an instant; p_x, p_y are robot − other at the beginning, m."""
     target = game.target
     gaining, braking = min(time, other.until_top), min(time, other.until_stop)
     fastest = other.speed + game.other_acceleration_max * gaining
     slowest = other.speed + game.other_acceleration_min * braking
     most = 0.5 * (other.speed + fastest) * gaining + fastest * (time - gaining)
     least = game.other_forward * (0.5 * (other.speed + slowest) * braking + slowest * (time - braking))
-    from_behind = max(target.rear_0 + fastest * (target.rear_1 + fastest * target.rear_2) - robot[AS_FRONT], 0.0)
-    to_the_front = max(robot[AS_REAR] - slowest * (target.front_1 + slowest * target.front_2), 0.0)
-    x, y, sideways = p_x + robot[X], p_y + robot[Y], game.other_sideways * most
+    from_behind = max(target.rear_0 + fastest * (target.rear_1 + fastest * target.rear_2) - robot.as_front, 0.0)
+    to_the_front = max(robot.as_rear - slowest * (target.front_1 + slowest * target.front_2), 0.0)
+    x, y, sideways = p_x + robot.x, p_y + robot.y, game.other_sideways * most
     return Gaps(
         ahead=x - most - target.length - from_behind,
         behind=least - x - target.length - to_the_front,
         beside=-target.length - max(from_behind, to_the_front),
         place=1 if x > most else (-1 if x < least else 0),
-        left=y - sideways - robot[LEFT],
-        right=-y - sideways - robot[RIGHT],
+        left=y - sideways - robot.left,
+        right=-y - sideways - robot.right,
     )
 
 
-@njit(cache=True)
+@kernel
 def _lowered(gaps: Gaps, bends: np.ndarray, ahead: float) -> Gaps:
     """Return gaps less what they may bend below straight lines in a step, `bends` of a path's row and `ahead`, m."""
     return Gaps(
@@ -207,7 +238,7 @@ def _lowered(gaps: Gaps, bends: np.ndarray, ahead: float) -> Gaps:
     )
 
 
-@njit(cache=True)
+@kernel
 def _along(before: Gaps, after: Gaps) -> tuple[float, float]:
     """Return the gap along the road at both ends of a step, of the place where the robot is at one of them at least.
 
@@ -220,7 +251,7 @@ def _along(before: Gaps, after: Gaps) -> tuple[float, float]:
     return before.behind, after.behind
 
 
-@njit(cache=True)
+@kernel
 def _worst_of_step(
     before: Gaps, after: Gaps, bends: np.ndarray, ahead: float, left: float, right: float
 ) -> tuple[float, float]:
@@ -235,7 +266,7 @@ def _worst_of_step(
     return left, right
 
 
-@njit(cache=True)
+@kernel
 def guaranteed(game: Game, path: np.ndarray, first: int, other: Other, p_x: float, p_y: float, floor: float) -> float:
     """Return what a path guarantees against one other car, m: the least of V(0, ·), bodies turned, that it can force.
 
@@ -249,7 +280,7 @@ def guaranteed(game: Game, path: np.ndarray, first: int, other: Other, p_x: floa
     """
     if game.other.responsible:
         return guaranteed_by_duties(game, path, first, other.speed, p_x, p_y, floor)
-    before = _gaps(game, other, path[first, TIME], p_x, p_y, path[first])
+    before = _gaps(game, other, path[first, TIME], p_x, p_y, _place_at(path[first]))
     # Where a gap ceases to shrink as fast: ahead of the other car at its top speed, and behind it where it stops, if
     # the distance shrinks in proportion to its speed.
     until_stop = other.until_stop if game.target.front_1 > 0.0 else math.inf
@@ -262,10 +293,10 @@ def guaranteed(game: Game, path: np.ndarray, first: int, other: Other, p_x: floa
         for at in kinks:
             if last[TIME] < at < row[TIME]:  # an instant of its own, the robot's gaps where they are at least
                 share = (at - last[TIME]) / (row[TIME] - last[TIME])
-                between = _lowered(_gaps(game, other, at, p_x, p_y, last + share * (row - last)), row, bend_ahead)
+                between = _lowered(_gaps(game, other, at, p_x, p_y, _place_between(last, row, share)), row, bend_ahead)
                 left, right = _worst_of_step(before, between, row, bend_ahead, left, right)
                 before = between
-        after = _gaps(game, other, row[TIME], p_x, p_y, row)
+        after = _gaps(game, other, row[TIME], p_x, p_y, _place_at(row))
         left, right = _worst_of_step(before, after, row, bend_ahead, left, right)
         if max(left, right) <= floor:
             break
@@ -273,13 +304,13 @@ def guaranteed(game: Game, path: np.ndarray, first: int, other: Other, p_x: floa
     return max(left, right)
 
 
-@njit(cache=True)
+@kernel
 def highest_guarantee(game: Game) -> float:
     """Return what no manoeuvre guarantees more than, m; +inf where there is no such bound."""
     return level_of_duties(game.target, game.other) if game.other.responsible else math.inf
 
 
-@njit(cache=True)
+@kernel
 def best_guarantee(
     manoeuvres: Manoeuvres, start: Start, paths: Paths, other: Other, p_x: float, p_y: float, enough: float
 ) -> float:

@@ -24,6 +24,7 @@ from numba import njit
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from hj_cosim.errors import TableError
+from hj_cosim.kernels import kernel
 from hj_cosim.reachability.games.contract import FLOATING_POINT
 
 # The solver asks for a state at every node, in single precision and in SIMD. So the constants are of single precision,
@@ -95,7 +96,7 @@ class Disturbance(NamedTuple):
 _OF_DUTIES = len(Disturbance._fields) - 4  # numbers
 
 
-@njit(cache=True)
+@kernel
 def disturbance_from(numbers: np.ndarray) -> Disturbance:
     """Return the assumption whose numbers these are (`reachability.packing`)."""
     low, high, gain = numbers[0], numbers[1], numbers[2]
@@ -165,7 +166,7 @@ def allowed(other: Disturbance, p_x: float, p_y: float, leftwards: float, v_r: f
     )
 
 
-@njit(cache=True)
+@kernel
 def worst_heading_sine(limits: Allowed, along: float, across: float) -> float:
     """Return sin θ_o of the heading within its limits that makes along · cos θ_o + across · sin θ_o the greatest."""
     length = math.hypot(along, across)

@@ -11,9 +11,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
+from hj_cosim.kernels import kernel
 from hj_cosim.reachability.games.highway.other_car import Disturbance, disturbance_from
 from hj_cosim.reachability.games.highway.target import FORMULA_NUMBERS, TargetFormula, formula_from
 
@@ -57,7 +57,7 @@ class Game(NamedTuple):
 _OF_ITS_OWN = len(Game._fields) - 2  # numbers
 
 
-@njit(cache=True)
+@kernel
 def game_from(numbers: np.ndarray) -> Game:
     """Return the game whose numbers these are (`reachability.packing`)."""
     own, rest = to_fixed_tuple(numbers, _OF_ITS_OWN), numbers[_OF_ITS_OWN:]
@@ -87,7 +87,7 @@ class Motion(NamedTuple):
     cos: float
 
 
-@njit(cache=True)
+@kernel
 def _write_instant(target: TargetFormula, at: Motion, row: np.ndarray) -> None:
     """Write what the gaps need of the robot at one instant, but for how they bend before it."""
     turned = 0.5 * (target.length * abs(at.sin) + target.width * (1.0 + at.cos))  # between centres of touching bodies
@@ -104,14 +104,14 @@ def _write_instant(target: TargetFormula, at: Motion, row: np.ndarray) -> None:
         row[column] = max(target.width + sticking + distance, turned)
 
 
-@njit(cache=True)
+@kernel
 def _product(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
     """Return the range of the product of two numbers that are known by their ranges."""
     first, second, third, fourth = a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1]
     return min(min(first, second), min(third, fourth)), max(max(first, second), max(third, fourth))
 
 
-@njit(cache=True)
+@kernel
 def _lateral_bend(
     target: TargetFormula,
     towards: tuple[float, float],
@@ -136,7 +136,7 @@ def _lateral_bend(
     return max(max(bend + sticking, turned), 0.0)
 
 
-@njit(cache=True)
+@kernel
 def _write_bends(game: Game, before: Motion, after: Motion, omega: float, acceleration: float, row: np.ndarray) -> None:
     """Write how far the gaps may bend below straight lines in the step that ends at a row."""
     target, step = game.target, after.time - before.time
@@ -184,7 +184,7 @@ def _write_bends(game: Game, before: Motion, after: Motion, omega: float, accele
     row[BEND_LEFT], row[BEND_RIGHT] = eighth * max(across[1] + left, 0.0), eighth * max(right - across[0], 0.0)
 
 
-@njit(cache=True)
+@kernel
 def _moved(at: Motion, omega: float, acceleration: float, step: float) -> Motion:
     """Return the robot a step later, by Simpson's rule."""
     end = at.speed + acceleration * step
@@ -205,13 +205,13 @@ def _moved(at: Motion, omega: float, acceleration: float, step: float) -> Motion
     )
 
 
-@njit(cache=True)
+@kernel
 def turning_max(game: Game, speed: float) -> float:
     """Return the largest |ω|, rad/s, at a speed, m/s: the robot's limit, and what its tyres hold."""
     return min(game.omega_max, game.sideways / max(speed, _SLOWEST))
 
 
-@njit(cache=True)
+@kernel
 def write_path(game: Game, heading: float, acceleration: float, start: Start, path: np.ndarray) -> int:
     """Write the robot's path from the origin: a control for a while, then a manoeuvre.
 

@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numba import njit
 
+from hj_cosim.kernels import kernel
 from hj_cosim.reachability.games.contract import RowsOfCars, SizeClass
 from hj_cosim.reachability.games.highway.other_car import (
     Disturbance,
@@ -32,7 +33,7 @@ from hj_cosim.scene.observation import Cars
 from hj_cosim.vehicles.car import CAR_LENGTH, CAR_WIDTH
 
 
-@njit(cache=True)
+@kernel
 def worst_drift(gradient: np.ndarray, state: np.ndarray, other: Disturbance) -> float:
     """Return c_0 of the row, m/s.
 
@@ -54,7 +55,7 @@ def worst_drift(gradient: np.ndarray, state: np.ndarray, other: Disturbance) -> 
     return worst_acceleration - other_speed * towards + own
 
 
-@njit(cache=True)
+@kernel
 def value_of_lesser_term(target: TargetFormula, state: np.ndarray, value: float, gradient: np.ndarray) -> float:
     """Return what V would be by the lesser term of V(0, ·) alone, m, and turn ∇V into its gradient.
 
@@ -129,7 +130,7 @@ def _rows_of_cars(
     return chosen[:count], rows[:count].T.copy()
 
 
-@njit(cache=True)
+@kernel
 def game_in(numbers: np.ndarray, kind: int) -> tuple[TargetFormula, Disturbance]:
     """Return V(0, ·) and the assumption of a size class, by its row; the largest body of the class comes first."""
     row = numbers[kind, 2:]
