@@ -142,25 +142,26 @@ def bare(path: Path, count: int, traffic: str) -> float:
     return float(np.median(blocks))
 
 
-def test_what_a_robot_costs_in_a_users_simulation(tmp_path, monkeypatch):
+def test_what_a_robot_costs_in_a_users_simulation(row, tmp_path, monkeypatch):
     rows = []
     print("\nvehicles | near | SUMO alone µs/step | whole | outside SUMO | our share | by us: whole, outside, share")
     for count in COUNTS:
         path = configuration(tmp_path / str(count), count)
-        row = [float(count)]
+        found = [float(count)]
         for traffic in ("theirs", "idm-mobil"):
             alone = bare(path, count, traffic)
             total, outside, near = whole(path, count, traffic, monkeypatch)
-            row += [near, 1e6 * alone] if traffic == "theirs" else []
-            row += [1e6 * total, 1e6 * outside, (total - alone) / alone]
-        rows.append(row)
+            found += [near, 1e6 * alone] if traffic == "theirs" else []
+            found += [1e6 * total, 1e6 * outside, (total - alone) / alone]
+        rows.append(found)
         line = "{:8.0f} | {:4.0f} | {:18.0f} | {:5.0f} | {:5.0f} | {:5.2f} | {:6.0f}, {:5.0f}, {:5.2f}"
-        print(line.format(*row), flush=True)
+        print(line.format(*found), flush=True)
     table = np.array(rows)
     GROWTH.parent.mkdir(exist_ok=True)
     np.savetxt(GROWTH.with_suffix(".csv"), table, fmt="%.3f", delimiter=",", header=COLUMNS, comments="")
     _plot(table)
     shares = dict(zip(COUNTS, table[:, 5], strict=True))
+    row("share of 5000", shares[5000])
     assert {count: shares[count] <= allowed for count, allowed in ALLOWED.items()} == dict.fromkeys(ALLOWED, True)
 
 

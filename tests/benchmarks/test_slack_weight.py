@@ -36,9 +36,7 @@ class Counting:
 def test_meetable_rows_left_unmet(weight: float) -> None:
     in_k, meetable, unmet, collided = 0, 0, 0, 0
     for seed in SEEDS:
-        config = resolve_config(
-            "dense", preset="paper", assignments=[f"filter.slack_weight={weight}", f"seed={seed}"]
-        )
+        config = resolve_config("dense", preset="paper", assignments=[f"filter.slack_weight={weight}", f"seed={seed}"])
         table = load_table(config.table)
         with SumoWorld(config.scenario, config.robot, config.seed, config.simulation.step) as world:
             world.settle(config.simulation.settle_time)
