@@ -57,7 +57,7 @@ def _row(row: ComparedRows) -> Iterator[str]:
         names = list(dict.fromkeys(row.table["side"]))
         yield "<h3>Settings that differ</h3>"
         cells = ([escape(name).replace(".", ".<wbr>"), *map(escape, values)] for name, values in row.settings)
-        yield table_region(["setting", *map(escape, names)], cells, "settings")
+        yield f'<div class="settings">{table_region(["setting", *map(escape, names)], cells, "settings")}</div>'
     first = row.table["side"].iloc[0]
     yield (
         f"<p class='note'>Differences are each side's less {escape(first)}; in brackets 95 % bootstrap intervals over"

@@ -156,13 +156,14 @@ def _title(key: tuple[str, str, str]) -> str:
 def differing_settings(group: Group) -> list[tuple[str, list[str]]]:
     """Return every setting that is not the same on all sides, as `--set` names it, with its value on each.
 
-    Seeds are left out where there are several.
+    Seeds are left out where there are several, and a scenario's description always.
 
     Raises:
         RunFolderError: if a configuration cannot be read.
     """
     flat = [dict(flattened(read_config(side.first_run))) for side in group.sides]
     names = dict.fromkeys(name for own in flat for name in own)
+    names.pop("scenario.description", None)
     if any(len(side.runs) > 1 for side in group.sides):
         names.pop("seed", None)
     differing = [name for name in names if len({str(own.get(name)) for own in flat}) > 1]

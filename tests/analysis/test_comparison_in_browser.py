@@ -31,7 +31,8 @@ def runs(tmp_path_factory, make_hostile_run):
 def address(runs, table, tmp_path_factory, make_hostile_run):
     folder = tmp_path_factory.mktemp("page")
     (group,) = groups_of([next(iter(runs.values())).folder, make_hostile_run(folder / "other", "plain")])
-    rows = [ComparedRows("", group.table(), [("planner.kind", ["<b>", "op"])])]
+    settings = [("planner.kind", ["<b>", "op"]), ("scenario.drivers.desired_speed.deviation", ["a" * 80, "1.5"])]
+    rows = [ComparedRows("", group.table(), settings)]
     page = comparison_page(rows, runs, side_by_side(runs), dict.fromkeys(runs, table))
     (folder / "page.html").write_text(page)
     return (folder / "page.html").as_uri()
@@ -105,3 +106,11 @@ def test_a_figure_on_a_telephone_scrolls_by_itself_and_its_letters_can_be_read(p
     width = page.evaluate("document.querySelector('figure img').clientWidth")
     assert width * 7.0 / (178.0 * 72.0 / 25.4) > 8.0  # pixels, of what is 7 points in print
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.parametrize("width", [390, 1120])
+def test_settings_that_differ_are_read_without_scrolling(page, width):
+    page.look(width, 900)
+    table = "document.querySelector('.settings table')"
+    assert page.evaluate(f"{table}.scrollWidth <= {table}.parentElement.clientWidth")
+    assert page.evaluate(f"[...{table}.querySelectorAll('td, th')].every(cell => cell.scrollWidth <= cell.clientWidth)")

@@ -100,6 +100,8 @@ def test_figures_of_a_study_can_be_printed(width):
     _check_print(trade_off(_study_table(scenario=["six_lanes", "dense"]), width), width)
     _check_print(sweep(_study_table(scenario=["paper", "light"], **{"planner.gamma_r": [0.8, 0.9]}), width), width)
     _check_print(density_sweep(_study_table(scenario=["paper", "light"]), {"light": 6.0, "paper": 13.0}, width), width)
+    seven = ["six_lanes", "two_lanes", "lane_drop", "motorway", "ramps", "ring", "curves"]
+    _check_print(density_sweep(_study_table(scenario=seven), dict.fromkeys(seven, 13.0), width), width)
     _check_print(attack(_study_table(**{BEHAVIOUR: ["cut_in", "worst"], SHARE: [0.05, 0.2]}), width), width)
     five = ["light", "paper", "dense", "rogues", "six_lanes"]
     _check_print(target_sets(_study_table(scenario=five, **{TABLE: ["highway", "highway_ttc"]}), width), width)

@@ -176,6 +176,22 @@ def test_the_density_sweep_goes_from_light_to_dense():
     assert data.scenario.tolist() == ["light"] * 3 + ["paper"] * 3
 
 
+def test_traffic_of_one_density_stands_side_by_side_and_is_not_joined():
+    metrics = ("mean_speed", "ttc_2d_p1", "intervention_percent", "mean_abs_acceleration")
+    table = pd.DataFrame(
+        {"scenario": scenario, "planner": "hjop", "filter": "spc", "scheme": "mi"}
+        | {f"{metric}{end}": speed for metric in metrics for end in ("", "_lo", "_hi")}
+        for scenario, speed in (("ring", 22.0), ("dense", 16.0), ("curves", 21.0))
+    )
+    drawing = density_sweep(table, {"ring": 13.0, "dense": 27.0, "curves": 13.0})
+    assert drawing.data.scenario.tolist() == ["ring", "curves", "dense"]
+    axes = drawing.figure.axes[0]
+    (points,) = [bars.lines[0] for bars in axes.containers]
+    assert points.get_linestyle() == "None"
+    assert points.get_ydata().tolist() == [22.0, 21.0, 16.0]
+    assert [label.get_text() for label in drawing.figure.axes[-1].get_xticklabels()] == ["ring", "curves", "dense"]
+
+
 def test_the_attack_has_a_column_of_panels_for_each_behaviour_and_shares_in_order():
     metrics = ("collisions", "collisions_responsible", "mean_speed")
     table = pd.DataFrame(

@@ -139,3 +139,14 @@ def test_a_clicked_car_shows_its_value_gap_and_ttc(page, run, table):
     expected = max(gap, 0.0) / closing if closing > 0.0 and abs(aside[car]) < 2.0 and ahead[car] > 0.0 else np.inf
     assert shown(page, "car-ttc") == pytest.approx(expected, rel=1e-2, abs=0.002)
     assert page.complaints() == []
+
+
+@pytest.mark.parametrize("width", [390, 1400])
+def test_no_name_in_the_summary_touches_its_number(page, width):
+    page.look(width, 900)
+    gaps = page.evaluate(
+        "[...document.querySelectorAll('#summary div')].map(pair => { const ends = [...pair.children].map("
+        "part => part.getBoundingClientRect()); return ends.at(-1).left - ends[0].right; })"
+    )
+    assert len(gaps) > 20
+    assert min(gaps) >= 8.0

@@ -83,7 +83,7 @@ def _message(results: dict[tuple[str, str], RowsDecision], moment: str) -> str:
     """Return what the schemes do to the desired control, and what a condition is."""
     changing = [label for kind, label in FILTERS if not _is_met(results[kind, "mi"])]
     if not changing:
-        return f"At {moment} the desired control meets every car's condition, and both filters leave it"
+        return f"At {moment} the desired control meets every car's condition, and MI leaves it; SW takes the safest"
     changes = " and ".join(changing) + (" change" if len(changing) > 1 else " changes")
     return (
         f"At {moment} {changes} the desired control: MI to the nearest that meets every car's condition, SW to the"

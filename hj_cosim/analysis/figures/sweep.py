@@ -22,13 +22,17 @@ GREATEST_SHIFT = 0.012  # of the axis, by which stacks are moved apart, so that 
 def density_sweep(table: pd.DataFrame, densities: Mapping[str, float], width: int = style.PAGE) -> style.Drawing:
     """Return the metrics of a study over the density of its scenarios, with their intervals.
 
+    Where several have one density it is not what differs: then they stand side by side, the thinnest traffic first.
+
     Args:
         table: a study's table.csv, with a column `scenario`.
         densities: of each scenario, cars per km and lane.
         width: of the figure, mm.
     """
     beside = [name for name in varying_factors(table) if name != SCENARIO]
-    rows = table.assign(density=[densities[name] for name in table[SCENARIO]]).sort_values("density", kind="stable")
+    rows = table.assign(density=[round(densities[name], 6) for name in table[SCENARIO]]).sort_values("density", kind="stable")
+    if rows.groupby("density")[SCENARIO].nunique().max() > 1:
+        return _sweep(rows, SCENARIO, "traffic, the thinnest first", beside, width)
     return _sweep(rows, "density", DENSITY, beside, width)
 
 
@@ -65,20 +69,21 @@ def _sweep(rows: pd.DataFrame, along: str, label: str, beside: Sequence[str], wi
         figure = style.sheet(width, 110.0 if columns == 2 else 170.0, _message(rows, along, label, beside))
         panels = figure.subplots(len(PANELS) // columns, columns, sharex=True, squeeze=False)
         for axes, (metric, title) in zip(panels.flat, PANELS, strict=True):
-            _draw(axes, rows.assign(place=rows[along].map(places).astype(float)), metric, beside)
+            _draw(axes, rows.assign(place=rows[along].map(places).astype(float)), metric, beside, along != SCENARIO)
             axes.set_ylabel(title)
         for axes in panels[-1]:
             axes.set_xlabel(label)
             if not is_numeric or len(names) <= 6:
-                axes.set_xticks(list(places.values()), [_shown(name) for name in names])
+                upright = {"rotation": 90} if along == SCENARIO else {}
+                axes.set_xticks(list(places.values()), [_shown(name) for name in names], **upright)
         style.legend_beside(figure, panels[0, 0], width, "95 % intervals")
     metrics = [f"{metric}{ending}" for metric, _ in PANELS for ending in ("", "_lo", "_hi")]
     scenario = [SCENARIO] if SCENARIO in rows and SCENARIO not in beside and along != SCENARIO else []
     return style.Drawing(figure, dict(rows[[*scenario, along, *beside, *STACK_COLUMNS, *metrics]].items()))
 
 
-def _draw(axes: Axes, rows: pd.DataFrame, metric: str, beside: Sequence[str]) -> None:
-    """Draw a metric: a line a stack; what varies besides has a colour a value."""
+def _draw(axes: Axes, rows: pd.DataFrame, metric: str, beside: Sequence[str], is_joined: bool) -> None:
+    """Draw a metric: a line a stack, or points where there is nothing between; what varies besides has a colour."""
     lines = list(stacks_of(rows, beside))
     reach = max(float(rows.place.max() - rows.place.min()), 1e-9)
     for number, (name, look, own) in enumerate(lines):
@@ -91,7 +96,7 @@ def _draw(axes: Axes, rows: pd.DataFrame, metric: str, beside: Sequence[str]) ->
             capsize=2,
             markersize=5,
             label=name,
-            **look,
+            **(look if is_joined else {**look, "linestyle": "none"}),
         )
 
 
@@ -102,6 +107,12 @@ def _shown(value: object) -> str:
 def _message(rows: pd.DataFrame, along: str, label: str, beside: Sequence[str]) -> str:
     """Return what the speed of the first stack does between the ends of the axis."""
     name, _, own = next(iter(stacks_of(rows, beside)))
+    if along == SCENARIO:
+        slowest, fastest = own.loc[own.mean_speed.idxmin()], own.loc[own.mean_speed.idxmax()]
+        return (
+            f"{name} drives {slowest.mean_speed:.2f} m/s in {slowest[SCENARIO]}, where it is slowest, and"
+            f" {fastest.mean_speed:.2f} m/s in {fastest[SCENARIO]}"
+        )
     first, last = own.iloc[0], own.iloc[-1]
     return (
         f"From {_shown(first[along])} to {_shown(last[along])} of {label} the mean speed of {name} goes from"
