@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
+from hj_cosim.kernels import kernel
 from hj_cosim.scene.road import Coordinate
 
 _NEWTON_STEPS = 20
@@ -23,7 +24,7 @@ _CLOSE_ENOUGH = 1e-9  # m of s
 _SMALLEST_STRETCH = 0.05
 
 
-@njit(cache=True)
+@kernel
 def curve_at(along: float, spacing: float, lap: float, coefficients: np.ndarray) -> tuple[float, ...]:
     """Return x, y, x', y', x'', y'' of the reference lane's centre line; straight on before its beginning and its end.
 
@@ -39,8 +40,18 @@ def curve_at(along: float, spacing: float, lap: float, coefficients: np.ndarray)
     piece = min(max(int(along / spacing), 0), last)
     inside = min(max(along - piece * spacing, 0.0), spacing)
     beyond = along - piece * spacing - inside
-    a, b, c, d = coefficients[0, :, piece]
-    e, f, g, h = coefficients[1, :, piece]
+    a, b, c, d = (
+        coefficients[0, 0, piece],
+        coefficients[0, 1, piece],
+        coefficients[0, 2, piece],
+        coefficients[0, 3, piece],
+    )
+    e, f, g, h = (
+        coefficients[1, 0, piece],
+        coefficients[1, 1, piece],
+        coefficients[1, 2, piece],
+        coefficients[1, 3, piece],
+    )
     x = ((a * inside + b) * inside + c) * inside + d
     y = ((e * inside + f) * inside + g) * inside + h
     x_1, y_1 = (3.0 * a * inside + 2.0 * b) * inside + c, (3.0 * e * inside + 2.0 * f) * inside + g
@@ -49,7 +60,7 @@ def curve_at(along: float, spacing: float, lap: float, coefficients: np.ndarray)
     return x, y, x_1, y_1, 6.0 * a * inside + 2.0 * b, 6.0 * e * inside + 2.0 * f
 
 
-@njit(cache=True)
+@kernel
 def bend_and_stretch(
     along: float, offset: float, spacing: float, lap: float, coefficients: np.ndarray
 ) -> tuple[float, float]:
@@ -60,7 +71,7 @@ def bend_and_stretch(
     return bend, max(math.sqrt(squared) - bend * offset, _SMALLEST_STRETCH)
 
 
-@njit(cache=True)
+@kernel
 def place_on_curve(
     x: float, y: float, near: float, spacing: float, lap: float, coefficients: np.ndarray
 ) -> tuple[float, float, float]:
@@ -87,7 +98,7 @@ def place_on_curve(
     return along, offset, math.atan2(y_1, x_1)
 
 
-@njit(cache=True)
+@kernel
 def _one_into_world(
     along: float, offset: float, spacing: float, lap: float, coefficients: np.ndarray
 ) -> tuple[float, float, float]:
@@ -174,6 +185,10 @@ class RouteRoad:
     def _starts(self) -> list[float]:
         return [float(start) for start in self.section_start]
 
+    @cached_property
+    def _limit_starts(self) -> list[float]:
+        return [float(start) for start in self.limit_start]
+
     # What is asked for in every step is kept by section, as Python's own numbers.
     @cached_property
     def _lanes(self) -> list[range]:
@@ -251,6 +266,10 @@ class RouteRoad:
 
     def speed_limits(self, start: float, stop: float) -> np.ndarray:
         """Return the limits between two s (m), (L, 2): where each begins (the first: `start`), m, and itself, m/s."""
+        if not self.lap:  # asked for at every plan, and mostly there is one limit as far as anybody looks
+            here, there = (max(bisect_right(self._limit_starts, along) - 1, 0) for along in (start, stop))
+            if here == there:
+                return np.array([[start, self.limit[here] if len(self.limit) else math.inf]])
         first = float(self.speed_limit(np.array([start]))[0])
         laps = np.arange(start // self.lap, stop // self.lap + 1.0) * self.lap if self.lap else np.zeros(1)
         begins = (laps[:, np.newaxis] + self.limit_start).ravel()

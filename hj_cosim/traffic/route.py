@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,20 @@ def read_network(path: Path, network: NetworkSettings) -> tuple[Road, SumoLanes 
     Raises:
         NetworkError: if the file is missing or malformed, or these edges are no road.
     """
+    if is_one_edge(network) or not path.is_file():
+        return _read(path, network)
+    file = path.stat()
+    return _read_once(path, network.model_dump_json(), file.st_mtime_ns, file.st_size)
+
+
+# A study's worker drives many episodes on a road, and reading it takes as long as a second and a half of a drive.
+@lru_cache(maxsize=8)
+def _read_once(path: Path, network: str, changed: int, size: int) -> tuple[Road, SumoLanes | None]:
+    """Return what `read_network` does; a file that has changed is read anew."""
+    return _read(path, NetworkSettings.model_validate_json(network))
+
+
+def _read(path: Path, network: NetworkSettings) -> tuple[Road, SumoLanes | None]:
     if is_one_edge(network):
         return read_road(path, network.edge), None
     chain = read_chain(path, network)

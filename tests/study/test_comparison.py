@@ -53,7 +53,7 @@ def test_two_runs_differ_by_their_summaries_without_an_interval(study, tmp_path)
 
 def test_rows_of_two_studies_are_paired_on_the_seeds_that_both_have(study):
     first = study("first")
-    second = study("second", range(2, 6), settings=["planner.gamma_r=0.8"])
+    second = study("second", range(2, 6), settings=["planner.gamma_r=0.8", "scenario.description=other words"])
     groups = groups_of([first, second])
     assert [group.title for group in groups] == ["paper, hjop-spc-mi", "paper, op-none"]
     table = groups[1].table()

@@ -234,3 +234,13 @@ def test_real_motorways_become_roads(file, start, stop, lanes_of_road):
     for s, d, heading in random.uniform((0.0, -2.0, -0.5), (road.length, 15.0, 0.5), (300, 3)):
         back = road.from_world(*road.to_world(s, d, heading), s + random.uniform(-5.0, 5.0))
         assert back == pytest.approx((s, d, heading), abs=1e-6)
+
+
+def test_a_network_that_is_asked_for_again_is_read_once_and_one_that_has_changed_anew(tmp_path):
+    copy = tmp_path / "curves.net.xml"
+    copy.write_bytes(CURVES.read_bytes())
+    first = read(copy, from_edge="e0", to_edge="e37")
+    assert read(copy, from_edge="e0", to_edge="e37")[0] is first[0]
+    assert read(copy, from_edge="e0", to_edge="e3")[0].length < first[0].length
+    copy.write_text(copy.read_text().replace('speed="', 'speed="1', 1))
+    assert read(copy, from_edge="e0", to_edge="e37")[0] is not first[0]

@@ -30,7 +30,8 @@ def density_sweep(table: pd.DataFrame, densities: Mapping[str, float], width: in
         width: of the figure, mm.
     """
     beside = [name for name in varying_factors(table) if name != SCENARIO]
-    rows = table.assign(density=[round(densities[name], 6) for name in table[SCENARIO]]).sort_values("density", kind="stable")
+    density = [round(densities[name], 6) for name in table[SCENARIO]]
+    rows = table.assign(density=density).sort_values("density", kind="stable")
     if rows.groupby("density")[SCENARIO].nunique().max() > 1:
         return _sweep(rows, SCENARIO, "traffic, the thinnest first", beside, width)
     return _sweep(rows, "density", DENSITY, beside, width)

@@ -26,7 +26,7 @@ from hj_cosim.vehicles.idm import (
 REAR_MARGIN = 50.0
 # Nobody is put into a lane that ends within this (m): who starts at full speed could not leave it in time.
 ENDING_SOON = 300.0
-LOOKED_AT_EVERY = 10.0  # m of a road, for how many lanes it has
+LOOKED_AT_EVERY = 100.0  # m of a road, for how many lanes it has; they count only up to 300 m before their end
 
 
 @dataclass(frozen=True)
