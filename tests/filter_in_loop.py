@@ -8,7 +8,7 @@ from hj_cosim.control.guard import GuardedFilter
 from hj_cosim.reachability.table.cars import car_values
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import Control, Observation
-from hj_cosim.scene.road import StraightRoad
+from hj_cosim.scene.road import Road, StraightRoad
 from hj_cosim.settings import FilterSettings, RobotSettings
 
 ROBOT = RobotSettings()
@@ -17,9 +17,11 @@ STEP = 0.02
 
 
 class FilterInLoop:
-    def __init__(self, settings: FilterSettings, table: ValueTable, robot: RobotSettings = ROBOT) -> None:
+    def __init__(
+        self, settings: FilterSettings, table: ValueTable, robot: RobotSettings = ROBOT, road: Road = ROAD
+    ) -> None:
         self._table = table
-        self._guarded = GuardedFilter(make_filter(settings, robot, ROAD, table, STEP), robot)
+        self._guarded = GuardedFilter(make_filter(settings, robot, road, table, STEP), robot)
         self._is_prepared = False
 
     @property

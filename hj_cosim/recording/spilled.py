@@ -21,7 +21,7 @@ from hj_cosim.recording.trajectories import TRAJECTORIES
 
 KEPT = ("present", *MOTION, "lane")
 # Samples times cars that a run has in memory; more stay in its file. As rows that is 35 MB.
-MOST_IN_MEMORY = 500_000
+MOST_IN_MEMORY = 300_000
 
 
 def fits_into_memory(samples: int, cars: int) -> bool:

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from filter_in_loop import ROBOT, STEP, FilterInLoop
 
-from hj_cosim.control.spc.road_edge import SPARE, RoadEdge
+from hj_cosim.control.spc.road_edge import BRAKING, SPARE, RoadEdge
+from hj_cosim.locations import scenarios_folder
 from hj_cosim.scene.observation import Control
 from hj_cosim.scene.road import StraightRoad
-from hj_cosim.settings import FilterSettings
+from hj_cosim.settings import FilterSettings, NetworkSettings
+from hj_cosim.traffic.route import read_network
 
 LENGTH, WIDTH, LEFT_LINE = 5.0, 2.0, 14.0
 EDGE = RoadEdge(StraightRoad(4), LENGTH, WIDTH, 0.0)
@@ -64,3 +66,65 @@ def test_a_filter_that_keeps_to_the_road_never_lets_a_corner_out_whatever_is_des
             reach = 0.5 * (ROBOT.length * abs(math.sin(heading)) + ROBOT.width * math.cos(heading))
             out = max(out, y + reach - 14.0, -2.0 - (y - reach))
         assert (out <= 0.0) is keeps
+
+
+@pytest.fixture(scope="module")
+def dropping():
+    """Return a road whose right lane ends."""
+    network = NetworkSettings(file=str(scenarios_folder() / "lane_drop.net.xml"), from_edge="e0", to_edge="e3")
+    road, _ = read_network(scenarios_folder() / "lane_drop.net.xml", network)
+    return road
+
+
+@pytest.fixture(scope="module")
+def ending(dropping) -> tuple[RoadEdge, float]:
+    """Return the edge of that road, and where the lane ends."""
+    return RoadEdge(dropping, LENGTH, WIDTH, STEP), dropping.lane_end(0, 10.0)
+
+
+@pytest.mark.parametrize("speed", [3.0, 15.0, 33.0])
+@pytest.mark.parametrize("lateral", [0.0, 1.3])  # in the middle of the lane, and nearly out of it
+def test_who_stays_in_a_lane_that_ends_stops_before_its_end_and_not_long_before(ending, speed, lateral):
+    edge, end = ending
+    x = end - 200.0
+    hardest = 0.0
+    for _ in range(6000):
+        change = min(1.0, max((edge.speed_within((x, lateral, 0.0, speed)) - speed) / STEP, -6.0))
+        hardest = min(hardest, change)
+        x += max(speed + 0.5 * change * STEP, 0.0) * STEP
+        speed = max(speed + change * STEP, 0.0)
+    assert end - 1.2 <= x + 0.5 * LENGTH <= end - 0.9
+    assert hardest == pytest.approx(-BRAKING, abs=0.3)
+
+
+def test_who_is_out_of_it_by_then_may_drive_on(ending):
+    edge, end = ending
+    assert edge.speed_within((end - 20.0, 1.3, 0.0, 20.0)) < 13.0
+    assert edge.speed_within((end - 20.0, 1.3, 0.1, 20.0)) == math.inf  # 2 m farther left where it ends
+    assert edge.speed_within((end - 20.0, 3.6, 0.0, 20.0)) == math.inf  # in the next lane
+    assert edge.speed_within((end - 20.0, 3.6, -0.1, 20.0)) == math.inf  # and on its way into the lane, but not yet
+    assert edge.speed_within((end - 100.0, 0.0, 0.0, 20.0)) == math.inf  # there is time
+
+
+def test_a_filter_stops_a_robot_that_is_not_let_out_of_its_lane(table, observe, dropping):
+    end = dropping.lane_end(0, 10.0)
+    for keeps in (True, False):
+        safety_filter = FilterInLoop(FilterSettings(keep_on_road=keeps), table, road=dropping)
+        x, speed = end - 60.0, 15.0
+        for _ in range(600):
+            seen = observe([x, 0.0, 0.0, speed], [[9000.0, 4.0, 0.0, 20.0]])
+            change = safety_filter.filter(seen, Control(0.0, 1.0)).control.acceleration
+            x, speed = x + speed * STEP, max(speed + change * STEP, 0.0)
+        assert bool(x + 0.5 * LENGTH <= end) is keeps
+
+
+def test_who_has_left_a_lane_that_ends_does_not_turn_back_into_it(ending):
+    edge, end = ending
+    lane_centre, line = 3.75, 1.875
+    clear = line + 0.5 * WIDTH + 2.0 * SPARE
+    for speed in (8.0, 20.0):
+        lowest, highest = edge.headings_within((end - 15.0, clear, 0.0, speed), 0.2)
+        assert -0.03 < lowest <= 0.0 < highest
+        # Far from the end, and who is still in the lane, may turn right as elsewhere.
+        assert edge.headings_within((end - 300.0, lane_centre, 0.0, speed), 0.2)[0] < -0.1
+        assert edge.headings_within((end - 15.0, clear - 0.3, 0.0, speed), 0.2)[0] < -0.1

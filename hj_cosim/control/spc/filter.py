@@ -122,6 +122,10 @@ class SafetyPreservingFilter:
         heading, speed = place[2], place[3]
         limits = self._grip.limits_at(speed)
         if self._edge is not None:
+            fastest = self._edge.speed_within(place)
+            if fastest < speed + limits[3] * self._step:
+                limits = limits.copy()
+                limits[3] = max((fastest - speed) / self._step, limits[2])
             turn = float(limits[1])
             lowest, highest = self._edge.headings_within(place, turn)
             if not lowest + turn * self._step <= heading <= highest - turn * self._step:
