@@ -123,8 +123,8 @@ def test_who_has_left_a_lane_that_ends_does_not_turn_back_into_it(ending):
     lane_centre, line = 3.75, 1.875
     clear = line + 0.5 * WIDTH + 2.0 * SPARE
     for speed in (8.0, 20.0):
-        lowest, highest = edge.headings_within((end - 15.0, clear, 0.0, speed), 0.2)
+        lowest, highest = edge.headings_within((end - 8.0, clear, 0.0, speed), 0.2)
         assert -0.03 < lowest <= 0.0 < highest
         # Far from the end, and who is still in the lane, may turn right as elsewhere.
         assert edge.headings_within((end - 300.0, lane_centre, 0.0, speed), 0.2)[0] < -0.1
-        assert edge.headings_within((end - 15.0, clear - 0.3, 0.0, speed), 0.2)[0] < -0.1
+        assert edge.headings_within((end - 8.0, clear - 0.3, 0.0, speed), 0.2)[0] < -0.1
