@@ -29,6 +29,7 @@ from hj_cosim.verification.adversary_games import (
     Search,
     search_games,
 )
+from hj_cosim.verification.filter_games import Game, bodies_overlap
 from hj_cosim.verification.guarantee import RolloutSettings, game_of
 
 Desired = Literal["cruise", "full_throttle", "steering_at_the_car", "tracker_range", "free"]
@@ -112,7 +113,7 @@ def search_adversary(
         robot or RobotSettings(),
     )
     generator = np.random.default_rng(settings.seed)
-    starts, values = _starts(table, settings, generator)
+    starts, values = _starts(table, game, settings, generator)
     search = Search(
         desired=DESIRED[settings.desired],
         samples=round(settings.duration / settings.step),
@@ -154,14 +155,19 @@ def search_adversary(
 
 
 def _starts(
-    table: ValueTable, settings: AdversarySettings, generator: np.random.Generator
+    table: ValueTable, game: Game, settings: AdversarySettings, generator: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return states (games, 5) with V in the range asked for, drawn evenly over the table's, and their V, m."""
+    """Return states (games, 5) with V in the range asked for, drawn evenly over the table's, and their V, m.
+
+    Bodies that touch at the beginning are no game: V(0, ·) leaves out how much longer a turned body is along the road.
+    """
     states, values, count = [], [], 0
     for _ in range(_ROUNDS):
         draws = table.draw_states(_DRAWS, generator)
         value = table.value(draws)
         good = (value > settings.above) & (value <= settings.up_to)
+        for draw in np.flatnonzero(good):
+            good[draw] = not bodies_overlap(*draws[draw, :3], game.length, game.width)
         states.append(draws[good])
         values.append(value[good])
         count += int(good.sum())

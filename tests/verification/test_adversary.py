@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from hj_cosim.errors import ConfigurationError
+from hj_cosim.metrics.rectangles import rectangles_overlap
 from hj_cosim.settings import FilterSettings, RobotSettings
-from hj_cosim.verification.adversary import DESIRED, AdversarySettings, search_adversary
+from hj_cosim.verification.adversary import DESIRED, AdversarySettings, _starts, search_adversary
 from hj_cosim.verification.adversary_games import CHOSEN, CRUISE, Search, roll_out_choices
 from hj_cosim.verification.guarantee import RolloutSettings, game_of
 
@@ -77,3 +78,14 @@ def test_what_cannot_be_searched_is_refused(small_table):
         search(small_table, elite=20)
     with pytest.raises(ConfigurationError, match="of the table have"):
         search(small_table, above=1e5, up_to=1e5 + 1)
+
+
+def test_no_game_begins_with_bodies_that_touch(small_table):
+    game = game_of(small_table, RolloutSettings(step=0.05, duration=1.0), FilterSettings(), RobotSettings())
+    settings = AdversarySettings(games=300, above=-2.0, up_to=2.0)
+    starts, values = _starts(small_table, game, settings, np.random.default_rng(0))
+    assert ((values > -2.0) & (values <= 2.0)).all()
+    assert not any(rectangles_overlap(-x, -y, heading, 5.0, 2.0, 0.0, 5.0, 2.0) for x, y, heading, _, _ in starts)
+    drawn = small_table.draw_states(20_000, np.random.default_rng(1))
+    near = drawn[np.abs(small_table.value(drawn)) <= 2.0]
+    assert any(rectangles_overlap(-x, -y, heading, 5.0, 2.0, 0.0, 5.0, 2.0) for x, y, heading, _, _ in near)
