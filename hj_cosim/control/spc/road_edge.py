@@ -51,14 +51,14 @@ class RoadEdge:
         reach = self._reach(along, speed)
         if road.lane_lines(along) is road.lane_lines(reach):
             return math.inf
-        fastest = math.inf
+        fastest, half = math.inf, self._half_width + self._front * abs(math.sin(heading))  # of the body as it is turned
         for lane in road.lanes_overlapped(lateral, 2.0 * self._half_width, along):
             end = road.lane_end(lane, along)
             if end > reach:
                 continue
             rightmost, leftmost = self._lines_at(end)
             then = lateral + (end - along) * math.tan(heading)
-            if not rightmost + self._half_width <= then <= leftmost - self._half_width:
+            if not rightmost + half <= then <= leftmost - half:
                 room = end - front - speed * self._step - STOPPED_BEFORE
                 fastest = min(fastest, math.sqrt(2.0 * BRAKING * max(room, 0.0)))
         return fastest
