@@ -47,8 +47,10 @@ class Game(NamedTuple):
     driver: np.ndarray  # (6,) IDM parameters
     k_theta: float
     wheelbase: float
-    length: float
+    length: float  # m, of the robot's body
     width: float
+    other_length: float  # m, of the others'
+    other_width: float
     curvature: float  # 1/m, of the road at d = 0; 0 of a straight one
     half_wave: float  # m, in which the curvature turns over to the other side, evenly; inf if it stays
 
@@ -118,7 +120,9 @@ def game_step(robot: np.ndarray, omega: float, acceleration: float, speed_max: f
 
 
 @njit(cache=True)
-def bodies_overlap(p_x: float, p_y: float, theta: float, length: float, width: float) -> bool:
+def bodies_overlap(
+    p_x: float, p_y: float, theta: float, length: float, width: float, other_length: float, other_width: float
+) -> bool:
     """Return whether the robot's rectangle, turned by θ, overlaps the other car's, which lies along the road.
 
     By the separating axis theorem.
@@ -126,25 +130,26 @@ def bodies_overlap(p_x: float, p_y: float, theta: float, length: float, width: f
     Args:
         p_x, p_y: m, between the centres, robot − other.
         theta: rad, |θ| <= π/2.
-        length, width: m, of both.
+        length, width: m, of the robot.
+        other_length, other_width: m, of the other car.
     """
     cos, sin = math.cos(theta), math.sin(theta)
-    reach_along = 0.5 * (length + length * cos + width * abs(sin))
-    reach_across = 0.5 * (width + length * abs(sin) + width * cos)
     return (
-        abs(p_x) < reach_along
-        and abs(p_y) < reach_across
-        and abs(p_x * cos + p_y * sin) < reach_along
-        and abs(p_y * cos - p_x * sin) < reach_across
+        abs(p_x) < 0.5 * (other_length + length * cos + width * abs(sin))
+        and abs(p_y) < 0.5 * (other_width + length * abs(sin) + width * cos)
+        and abs(p_x * cos + p_y * sin) < 0.5 * (length + other_length * cos + other_width * abs(sin))
+        and abs(p_y * cos - p_x * sin) < 0.5 * (width + other_length * abs(sin) + other_width * cos)
     )
 
 
 @njit(cache=True)
-def where_bodies_overlap(states: np.ndarray, length: float, width: float) -> np.ndarray:
+def where_bodies_overlap(
+    states: np.ndarray, length: float, width: float, other_length: float, other_width: float
+) -> np.ndarray:
     """Return at which relative states (n, 5) they do, (n,) bool."""
     found = np.empty(len(states), np.bool_)
     for i in range(len(states)):
-        found[i] = bodies_overlap(states[i, 0], states[i, 1], states[i, 2], length, width)
+        found[i] = bodies_overlap(states[i, 0], states[i, 1], states[i, 2], length, width, other_length, other_width)
     return found
 
 
@@ -183,13 +188,13 @@ def where_bodies_overlap_in_world(game: Game, states: np.ndarray, places: np.nda
         places: (n, 2) s and d of the robot, m.
     """
     found = np.zeros(len(states), np.bool_)
-    reach = 2.0 * (game.length + game.width)
+    reach = game.length + game.width + game.other_length + game.other_width
     for i in range(len(states)):
         ahead, lateral = states[i, 0], places[i, 1]
         if abs(ahead) < reach:
             curvature = curvature_at(game, places[i, 0] - 0.5 * ahead)
             x, y, heading = world_pose(curvature, ahead, lateral, lateral - states[i, 1], states[i, 2])
-            found[i] = bodies_overlap(x, y, heading, game.length, game.width)
+            found[i] = bodies_overlap(x, y, heading, game.length, game.width, game.other_length, game.other_width)
     return found
 
 
@@ -305,8 +310,8 @@ def _roll_out(
                 heading, other_acceleration = _worst_inputs(gradients[j], relative, game.other)
             else:
                 ahead = robot[0] - others[j, 0]
-                in_lane = ahead > 0.0 and abs(robot[1] - others[j, 1]) < game.width
-                gap = ahead - game.length if in_lane else math.inf
+                in_lane = ahead > 0.0 and abs(robot[1] - others[j, 1]) < 0.5 * (game.width + game.other_width)
+                gap = ahead - 0.5 * (game.length + game.other_length) if in_lane else math.inf
                 game.driver[0] = max(cruising[j], 1.0)  # IDM's desired speed: its own at the start
                 heading = 0.0
                 other_acceleration = max(

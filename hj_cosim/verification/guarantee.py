@@ -174,6 +174,8 @@ def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, r
         wheelbase=robot.wheelbase,
         length=robot.length,
         width=robot.width,
+        other_length=table.size.length,
+        other_width=table.size.width,
         curvature=settings.curvature,
         half_wave=settings.half_wave,
     )
@@ -197,7 +199,7 @@ def _starts(
             good = (value > game.epsilon) & (value <= game.epsilon + settings.band)
             for before in range(car):
                 apart = np.abs(draws[:, :2] - found[pending, before, :2])
-                good &= (apart[:, 0] > game.length) | (apart[:, 1] > game.width)
+                good &= (apart[:, 0] > game.other_length) | (apart[:, 1] > game.other_width)
             found[pending[good], car] = draws[good]
             pending = pending[~good]
             if len(pending) == 0:
@@ -278,7 +280,7 @@ def _simulate_and_judge(
 
 def _collided(states: np.ndarray, game: Game) -> int:
     """Return in how many of the rollouts, (n, samples, cars, 5), bodies overlap."""
-    overlap = where_bodies_overlap(states.reshape(-1, 5), game.length, game.width)
+    overlap = where_bodies_overlap(states.reshape(-1, 5), game.length, game.width, game.other_length, game.other_width)
     return int(overlap.reshape(len(states), -1).any(axis=1).sum())
 
 
