@@ -11,7 +11,7 @@ import hashlib
 import tempfile
 import threading
 import traceback
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
@@ -35,15 +35,19 @@ _ONE_SUMO = threading.Lock()  # a process holds one SUMO; a worker started with 
 class DaskCluster:
     """An engine of the workers of a Dask cluster, which are best started with one thread each."""
 
-    def __init__(self, scheduler: str, timeout: float = 10.0) -> None:
+    def __init__(
+        self, scheduler: str, timeout: float = 10.0, started: Callable[[EpisodeJob], None] | None = None
+    ) -> None:
         """Take what is needed to connect.
 
         Args:
             scheduler: its address, for example tcp://10.0.0.1:8786.
             timeout: s, for the scheduler to answer and for the first worker to be there.
+            started: told when a worker begins with a job, if given; from a thread of its own.
         """
         self.scheduler = scheduler
         self.timeout = timeout
+        self._started = started
 
     def run(self, jobs: Sequence[EpisodeJob], function: EpisodeFunction) -> Generator[Outcome, None, None]:
         """Carry out the jobs (study.jobs.Engine)."""
@@ -54,6 +58,10 @@ class DaskCluster:
             places = {kept.path for job in jobs for kept in (job.table, *job.larger)}
             tables = {path: client.submit(_content, path.read_bytes(), pure=False) for path in places}
             code = _code_of(jobs)
+            open_jobs = {str(job.folder): job for job in jobs}
+            topic = None if self._started is None else f"hj-cosim-{client.id}"
+            if topic is not None:
+                client.subscribe_topic(topic, lambda event: self._begin(open_jobs.get(event[1])))
             waiting = {
                 client.submit(
                     _drive_remotely,
@@ -61,14 +69,22 @@ class DaskCluster:
                     [tables[kept.path] for kept in (job.table, *job.larger)],
                     code,
                     function,
+                    topic,
                     pure=False,
                     priority=-number,
                 ): job
                 for number, job in enumerate(jobs)
             }
             for episode in _distributed().as_completed(list(waiting), loop=client.loop):
-                yield _outcome(waiting.pop(episode), episode, self.scheduler)
+                job = waiting.pop(episode)
+                del open_jobs[str(job.folder)]
+                yield _outcome(job, episode, self.scheduler)
                 episode.release()
+
+    def _begin(self, job: EpisodeJob | None) -> None:
+        """Pass on that a job has begun; what is said of one that has ended came late."""
+        if job is not None and self._started is not None:
+            self._started(job)
 
 
 def _distributed() -> Any:
@@ -150,12 +166,17 @@ def _code_of(jobs: Sequence[EpisodeJob]) -> Code:
 
 
 def _drive_remotely(
-    job: EpisodeJob, tables: Sequence[TableContent], code: Code, function: EpisodeFunction
+    job: EpisodeJob, tables: Sequence[TableContent], code: Code, function: EpisodeFunction, topic: str | None = None
 ) -> RunFiles | str:
-    """Drive an episode on a worker, and return its run folder's files, or one sentence on why it could not be."""
+    """Drive an episode on a worker, and return its run folder's files, or one sentence on why it could not be.
+
+    That it begins is told to whoever listens to a topic of the scheduler's, if one is given.
+    """
     copies: Mapping[Path, Path] = {}
     try:
         with _ONE_SUMO, temporary_folder() as temporary:
+            if topic is not None:
+                _distributed().get_worker().log_event(topic, str(job.folder))
             folder = temporary / job.folder.name
             copies = _copies_of(code)
             read_code_from(copies)

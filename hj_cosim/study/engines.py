@@ -16,7 +16,7 @@ def engine_of(workers: Any, scheduler: Any, watch: Onlooker | None = None) -> En
     Args:
         workers: how many processes; as many as there are cores if None.
         scheduler: address of a Dask scheduler, or None.
-        watch: told when a process of this machine is handed a job, if there is one.
+        watch: told when a job begins, if there is one.
 
     Raises:
         ConfigurationError: if one of them is of the wrong type.
@@ -26,6 +26,7 @@ def engine_of(workers: Any, scheduler: Any, watch: Onlooker | None = None) -> En
         raise ConfigurationError(f"workers = {shown(repr(workers))} is no whole number; give how many to start")
     if scheduler is not None and not isinstance(scheduler, str):
         raise ConfigurationError(f"scheduler = {shown(repr(scheduler))} is no text; give its address, tcp://HOST:PORT")
+    started = None if watch is None else watch.started
     if scheduler is not None:
-        return DaskCluster(scheduler)
-    return LocalWorkers(workers, None if watch is None else watch.started)
+        return DaskCluster(scheduler, started=started)
+    return LocalWorkers(workers, started)

@@ -15,7 +15,7 @@ class Onlooker(Protocol):
         ...
 
     def started(self, job: EpisodeJob) -> None:
-        """Learn that a process of this machine was handed a job; from a thread of its own. A scheduler does not say."""
+        """Learn that a process was handed a job, or a scheduler's worker begins with it; from a thread of its own."""
         ...
 
     def ended(self, outcome: Outcome, is_driven: bool) -> None:

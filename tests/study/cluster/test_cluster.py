@@ -56,6 +56,23 @@ def test_a_cluster_gives_the_same_files_though_a_worker_is_killed_half_way(
     assert (study.folder / "episodes" / "op-none" / "2" / "figures").is_dir()
 
 
+def test_who_looks_on_learns_which_episodes_run(start_cluster, conduct_synthetic, synthetic):
+    cluster = start_cluster()
+    cluster.add_worker()
+    begun: list[str] = []
+    seen_at: list[int] = []
+    study = conduct_synthetic(
+        "watched",
+        DaskCluster(cluster.address, started=lambda job: begun.append(str(job.folder))),
+        function=synthetic.drive_slowly,
+        progress=lambda done, total: seen_at.append(len(begun)),
+    )
+    driven = {str(place.parent) for place in (study.folder / "episodes").rglob("summary.json")}
+    assert set(begun) == driven
+    assert len(begun) == len(driven)
+    assert 0 < seen_at[1] < len(driven)  # as they begin, not all at once
+
+
 def test_an_episode_that_fails_is_reported_and_the_others_go_on(start_cluster, conduct_synthetic, synthetic):
     cluster = start_cluster()
     cluster.add_worker()
