@@ -27,8 +27,10 @@ def read_network(path: Path, network: NetworkSettings) -> tuple[Road, SumoLanes 
     Raises:
         NetworkError: if the file is missing or malformed, or these edges are no road.
     """
-    if is_one_edge(network) or not path.is_file():
-        return _read(path, network)
+    if is_one_edge(network):
+        return read_road(path, network.edge), None
+    if not path.is_file():
+        return _read_route(path, network)  # which says what is wrong
     file = path.stat()
     return _read_once(path, network.model_dump_json(), file.st_mtime_ns, file.st_size)
 
@@ -37,12 +39,10 @@ def read_network(path: Path, network: NetworkSettings) -> tuple[Road, SumoLanes 
 @lru_cache(maxsize=8)
 def _read_once(path: Path, network: str, changed: int, size: int) -> tuple[Road, SumoLanes | None]:
     """Return what `read_network` does; a file that has changed is read anew."""
-    return _read(path, NetworkSettings.model_validate_json(network))
+    return _read_route(path, NetworkSettings.model_validate_json(network))
 
 
-def _read(path: Path, network: NetworkSettings) -> tuple[Road, SumoLanes | None]:
-    if is_one_edge(network):
-        return read_road(path, network.edge), None
+def _read_route(path: Path, network: NetworkSettings) -> tuple[Road, SumoLanes | None]:
     chain = read_chain(path, network)
     road = _road(chain)
     return road, SumoLanes(chain.edges, chain.sections, chain.laps, lanes_of_ramps(chain.net, chain.sections, road))

@@ -161,14 +161,13 @@ def _starts(
 
     Bodies that touch at the beginning are no game: V(0, ·) leaves out how much longer a turned body is along the road.
     """
-    bodies = game.length, game.width, game.other_length, game.other_width
     states, values, count = [], [], 0
     for _ in range(_ROUNDS):
         draws = table.draw_states(_DRAWS, generator)
         value = table.value(draws)
         good = (value > settings.above) & (value <= settings.up_to)
         for draw in np.flatnonzero(good):
-            good[draw] = not bodies_overlap(*draws[draw, :3], *bodies)
+            good[draw] = not bodies_overlap(*draws[draw, :3], game.bodies)
         states.append(draws[good])
         values.append(value[good])
         count += int(good.sum())

@@ -141,7 +141,7 @@ def roll_out_choices(game: Game, search: Search, start: np.ndarray, choices: np.
     for sample in range(search.samples + 1):
         p_x, p_y = robot[0] - car[0], robot[1] - car[1]
         least_target = min(least_target, target_at(game.table.grid.target, p_x, p_y, robot[2], robot[3], car[2]))
-        collided |= bodies_overlap(p_x, p_y, robot[2], game.length, game.width, game.other_length, game.other_width)
+        collided |= bodies_overlap(p_x, p_y, robot[2], game.bodies)
         choice = choices[min(sample * search.segments // search.samples, search.segments - 1)]
         asked = _desired_control(game, search.desired, robot, car, cruising, choice)
         omega, acceleration, value, driven, without = _filtered(

@@ -26,6 +26,15 @@ RANDOM_HOLD = 25  # steps for which a random desire lasts
 CRUISE, RANDOM, COLLIDE = 0, 1, 2  # desires
 
 
+class Bodies(NamedTuple):
+    """How large the robot and the other cars are, m."""
+
+    length: float  # the robot's
+    width: float
+    other_length: float
+    other_width: float
+
+
 class Game(NamedTuple):
     """What stays the same over all rollouts, as the kernel takes it."""
 
@@ -47,10 +56,7 @@ class Game(NamedTuple):
     driver: np.ndarray  # (6,) IDM parameters
     k_theta: float
     wheelbase: float
-    length: float  # m, of the robot's body
-    width: float
-    other_length: float  # m, of the others'
-    other_width: float
+    bodies: Bodies
     curvature: float  # 1/m, of the road at d = 0; 0 of a straight one
     half_wave: float  # m, in which the curvature turns over to the other side, evenly; inf if it stays
 
@@ -120,9 +126,7 @@ def game_step(robot: np.ndarray, omega: float, acceleration: float, speed_max: f
 
 
 @njit(cache=True)
-def bodies_overlap(
-    p_x: float, p_y: float, theta: float, length: float, width: float, other_length: float, other_width: float
-) -> bool:
+def bodies_overlap(p_x: float, p_y: float, theta: float, bodies: Bodies) -> bool:
     """Return whether the robot's rectangle, turned by θ, overlaps the other car's, which lies along the road.
 
     By the separating axis theorem.
@@ -130,9 +134,9 @@ def bodies_overlap(
     Args:
         p_x, p_y: m, between the centres, robot − other.
         theta: rad, |θ| <= π/2.
-        length, width: m, of the robot.
-        other_length, other_width: m, of the other car.
+        bodies: of both.
     """
+    length, width, other_length, other_width = bodies
     cos, sin = math.cos(theta), math.sin(theta)
     return (
         abs(p_x) < 0.5 * (other_length + length * cos + width * abs(sin))
@@ -143,13 +147,11 @@ def bodies_overlap(
 
 
 @njit(cache=True)
-def where_bodies_overlap(
-    states: np.ndarray, length: float, width: float, other_length: float, other_width: float
-) -> np.ndarray:
+def where_bodies_overlap(states: np.ndarray, bodies: Bodies) -> np.ndarray:
     """Return at which relative states (n, 5) they do, (n,) bool."""
     found = np.empty(len(states), np.bool_)
     for i in range(len(states)):
-        found[i] = bodies_overlap(states[i, 0], states[i, 1], states[i, 2], length, width, other_length, other_width)
+        found[i] = bodies_overlap(states[i, 0], states[i, 1], states[i, 2], bodies)
     return found
 
 
@@ -188,13 +190,13 @@ def where_bodies_overlap_in_world(game: Game, states: np.ndarray, places: np.nda
         places: (n, 2) s and d of the robot, m.
     """
     found = np.zeros(len(states), np.bool_)
-    reach = game.length + game.width + game.other_length + game.other_width
+    reach = sum(game.bodies)
     for i in range(len(states)):
         ahead, lateral = states[i, 0], places[i, 1]
         if abs(ahead) < reach:
             curvature = curvature_at(game, places[i, 0] - 0.5 * ahead)
             x, y, heading = world_pose(curvature, ahead, lateral, lateral - states[i, 1], states[i, 2])
-            found[i] = bodies_overlap(x, y, heading, game.length, game.width, game.other_length, game.other_width)
+            found[i] = bodies_overlap(x, y, heading, game.bodies)
     return found
 
 
@@ -310,8 +312,10 @@ def _roll_out(
                 heading, other_acceleration = _worst_inputs(gradients[j], relative, game.other)
             else:
                 ahead = robot[0] - others[j, 0]
-                in_lane = ahead > 0.0 and abs(robot[1] - others[j, 1]) < 0.5 * (game.width + game.other_width)
-                gap = ahead - 0.5 * (game.length + game.other_length) if in_lane else math.inf
+                in_lane = ahead > 0.0 and abs(robot[1] - others[j, 1]) < 0.5 * (
+                    game.bodies.width + game.bodies.other_width
+                )
+                gap = ahead - 0.5 * (game.bodies.length + game.bodies.other_length) if in_lane else math.inf
                 game.driver[0] = max(cruising[j], 1.0)  # IDM's desired speed: its own at the start
                 heading = 0.0
                 other_acceleration = max(

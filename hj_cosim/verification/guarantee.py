@@ -37,6 +37,7 @@ from hj_cosim.verification.filter_games import (
     CRUISE,
     RANDOM,
     RANDOM_HOLD,
+    Bodies,
     Game,
     roll_out_all,
     where_bodies_overlap,
@@ -172,10 +173,7 @@ def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, r
         driver=np.array([0.0, 3.0, 5.0, 1.5, 5.0, 4.0]),  # IDM's means; the desired speed is each car's own
         k_theta=TrackingSettings().k_theta,
         wheelbase=robot.wheelbase,
-        length=robot.length,
-        width=robot.width,
-        other_length=table.size.length,
-        other_width=table.size.width,
+        bodies=Bodies(robot.length, robot.width, table.size.length, table.size.width),
         curvature=settings.curvature,
         half_wave=settings.half_wave,
     )
@@ -199,7 +197,7 @@ def _starts(
             good = (value > game.epsilon) & (value <= game.epsilon + settings.band)
             for before in range(car):
                 apart = np.abs(draws[:, :2] - found[pending, before, :2])
-                good &= (apart[:, 0] > game.other_length) | (apart[:, 1] > game.other_width)
+                good &= (apart[:, 0] > game.bodies.other_length) | (apart[:, 1] > game.bodies.other_width)
             found[pending[good], car] = draws[good]
             pending = pending[~good]
             if len(pending) == 0:
@@ -280,7 +278,7 @@ def _simulate_and_judge(
 
 def _collided(states: np.ndarray, game: Game) -> int:
     """Return in how many of the rollouts, (n, samples, cars, 5), bodies overlap."""
-    overlap = where_bodies_overlap(states.reshape(-1, 5), game.length, game.width, game.other_length, game.other_width)
+    overlap = where_bodies_overlap(states.reshape(-1, 5), game.bodies)
     return int(overlap.reshape(len(states), -1).any(axis=1).sum())
 
 

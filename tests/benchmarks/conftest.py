@@ -30,14 +30,14 @@ def row(request: pytest.FixtureRequest) -> Callable[..., None]:
 
 @pytest.fixture
 def require_peer(request: pytest.FixtureRequest) -> Callable[[str, str], None]:
-    """Return a function that leaves a benchmark out, and says so in its row, unless a peer is installed."""
+    """Return a function that fails a benchmark, and says why in its row, unless a peer is installed: extra `bench`."""
 
     def require(module: str, name: str) -> None:
         try:
             __import__(module)
         except ImportError:
             request.config.stash[_LEFT_OUT][name] = f"{module} is not installed"
-            pytest.skip(f"{module} is not installed")
+            pytest.fail(f"{module} is not installed; `make bench` installs it")
 
     return require
 

@@ -8,24 +8,15 @@ import pytest
 from hj_cosim.reachability.table.size_classes import SIZE_CLASSES
 from hj_cosim.reachability.table.sized import load_tables
 from hj_cosim.reachability.table.store import load_table
+from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import robot_and_filter
 from hj_cosim.verification.adversary import DESIRED, AdversarySettings, search_adversary
 
 GAMES = int(os.environ.get("HJ_COSIM_GAMES", "2000"))
 
 
-@pytest.mark.parametrize(("above", "up_to"), [(2.0, 2.5), (0.0, 2.0)])
-def test_search(above, up_to):
-    attack(load_table("highway"), above, up_to, GAMES)
-
-
-@pytest.mark.parametrize("size", SIZE_CLASSES[1:], ids=lambda size: size.name)
-def test_search_with_a_truck(size):
-    tables = load_tables("highway", SIZE_CLASSES, robot=robot_and_filter("best")[0])
-    attack(next(table for table in tables.by_size if table.size == size), 2.0, 2.5, GAMES // 5)
-
-
-def attack(table, above, up_to, games):
+def attack(table: ValueTable, above: float, up_to: float, games: int) -> None:
+    """Search with every desired control, print what was found, and let nobody collide."""
     robot, filter_settings = robot_and_filter("best")
     print(f"\n{table.size.name}: {games} games each from V in ({above:g}, {up_to:g}], 6 s, 288 rollouts a game")
     print(f"{'desired':22s}{'entered':>8s}{'collided':>9s}{'no escape':>10s}{'fall 50 %':>10s}{'90 %':>7s}", end="")
@@ -40,3 +31,14 @@ def attack(table, above, up_to, games):
         )
         assert found.rollouts == 288 * games
         assert found.collided == 0
+
+
+@pytest.mark.parametrize(("above", "up_to"), [(2.0, 2.5), (0.0, 2.0)])
+def test_search(above, up_to):
+    attack(load_table("highway"), above, up_to, GAMES)
+
+
+@pytest.mark.parametrize("size", SIZE_CLASSES[1:], ids=lambda size: size.name)
+def test_search_with_a_truck(size):
+    tables = load_tables("highway", SIZE_CLASSES, robot=robot_and_filter("best")[0])
+    attack(next(table for table in tables.by_size if table.size == size), 2.0, 2.5, GAMES // 5)

@@ -12,7 +12,6 @@ import sys
 import time
 import timeit
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -121,11 +120,12 @@ def bytes_a_cell(solve: str, specification: TableSpecification) -> float:
     return (peak - base) * 1024 / np.prod(SHAPE)
 
 
-def test_the_solver_takes_little_memory(row) -> None:
+def test_the_solver_takes_little_memory(row, require_peer) -> None:
+    require_peer("hj_reachability", "solver memory")
     specification = large("weno5").model_copy(update={"horizon": 0.02})
     ours = bytes_a_cell(OURS, specification)
-    peers = bytes_a_cell(PEERS, specification) if find_spec("hj_reachability") else None
-    print(f"\nmemory: {ours:.1f} bytes a cell, the peer's {peers}")
+    peers = bytes_a_cell(PEERS, specification)
+    print(f"\nmemory: {ours:.1f} bytes a cell, the peer's {peers:.0f}")
     row("solver memory", ours, peers)
 
 

@@ -8,6 +8,7 @@ from bent_roads import WIDTH, circle
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.settings import FilterSettings, RobotSettings
 from hj_cosim.verification.filter_games import (
+    Bodies,
     bent,
     curvature_at,
     where_bodies_overlap,
@@ -111,12 +112,14 @@ def test_bodies_overlap_in_the_world_as_on_a_straight_road_but_for_what_the_bend
         )
         for curvature in (0.0, 1.0 / 300.0)
     )
-    in_road_frame = where_bodies_overlap(states, 5.0, 2.0, 5.0, 2.0)
+    in_road_frame = where_bodies_overlap(states, Bodies(5.0, 2.0, 5.0, 2.0))
     assert straight.tolist() == in_road_frame.tolist()
     differ = np.flatnonzero(bend != straight)
     assert 0 < len(differ) < 0.05 * len(states)
     # A metre of s is up to 3 % longer or shorter here, and 7 m ahead the road has gone 8 cm aside.
-    clear = where_bodies_overlap(states, 5.6, 2.6, 5.6, 2.6) == where_bodies_overlap(states, 4.4, 1.4, 4.4, 1.4)
+    clear = where_bodies_overlap(states, Bodies(5.6, 2.6, 5.6, 2.6)) == where_bodies_overlap(
+        states, Bodies(4.4, 1.4, 4.4, 1.4)
+    )
     assert not clear[differ].any()
 
 

@@ -8,7 +8,7 @@ from hj_cosim.metrics.rectangles import rectangles_overlap
 from hj_cosim.settings import FilterSettings, RobotSettings
 from hj_cosim.verification.adversary import DESIRED, AdversarySettings, _starts, search_adversary
 from hj_cosim.verification.adversary_games import CHOSEN, CRUISE, Search, roll_out_choices
-from hj_cosim.verification.filter_games import bodies_overlap
+from hj_cosim.verification.filter_games import Bodies, bodies_overlap
 from hj_cosim.verification.guarantee import RolloutSettings, game_of
 
 FEW = AdversarySettings(games=12, duration=3.0, segments=6, population=12, elite=4, generations=3, seed=1)
@@ -85,7 +85,7 @@ def test_a_robot_and_a_truck_overlap_where_their_rectangles_do():
     draw = np.random.default_rng(3)
     for _ in range(2000):
         x, y, theta = draw.uniform([-14.0, -5.0, -0.5], [14.0, 5.0, 0.5])
-        told = bodies_overlap(x, y, theta, 5.0, 2.0, 16.5, 2.5)
+        told = bodies_overlap(x, y, theta, Bodies(5.0, 2.0, 16.5, 2.5))
         assert told == rectangles_overlap(-x, -y, theta, 5.0, 2.0, 0.0, 16.5, 2.5)
 
 

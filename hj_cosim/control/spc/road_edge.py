@@ -49,7 +49,7 @@ class RoadEdge:
             return math.inf
         front, road = along + self._front, self._road
         reach = self._reach(along, speed)
-        if road.lane_lines(along) is road.lane_lines(reach):
+        if road.lane_lines(along) is road.lane_lines(reach):  # one section of a route: no lane ends in between
             return math.inf
         fastest, half = math.inf, self._half_width + self._front * abs(math.sin(heading))  # of the body as it is turned
         for lane in road.lanes_overlapped(lateral, 2.0 * self._half_width, along):
