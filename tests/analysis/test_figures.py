@@ -1,6 +1,7 @@
 import csv
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -9,7 +10,7 @@ from PIL import Image
 
 from hj_cosim.analysis.figures.attack import BEHAVIOUR, SHARE, attack
 from hj_cosim.analysis.figures.catalogue import FIGURES
-from hj_cosim.analysis.figures.control_sets import control_sets
+from hj_cosim.analysis.figures.control_sets import _message, control_sets
 from hj_cosim.analysis.figures.gallery import draw_figure
 from hj_cosim.analysis.figures.highway import highway
 from hj_cosim.analysis.figures.planner_comparison import SQUEEZE, planner_comparison
@@ -24,6 +25,7 @@ from hj_cosim.analysis.figures.value_along_drive import value_along_drive
 from hj_cosim.analysis.figures.value_slice import value_slice
 from hj_cosim.errors import HjCosimError, OutputError
 from hj_cosim.recording.run_folder import Run
+from hj_cosim.scene.observation import Control
 from hj_cosim.settings import PlannerSettings
 
 STACKS = [("hjop", "spc", "mi"), ("op", "rss", "sw"), ("op", "none", "-")]
@@ -162,6 +164,14 @@ def test_the_trade_off_has_every_stack_and_its_intervals_of_speed_and_2d_ttc():
         np.testing.assert_allclose(across, [[19.5 + n, 3.0 - n], [20.2 + n, 3.0 - n]])
         np.testing.assert_allclose(upright, [[20.0 + n, 2.9 - n], [20.0 + n, 3.4 - n]])
     assert len(drawing.data) == len(STACKS)
+
+
+def test_the_title_of_control_sets_says_that_sw_does_not_leave_a_control_that_meets_all():
+    met = SimpleNamespace(
+        desired=Control(0.1, 0.0), rows=SimpleNamespace(p=np.array([1.0]), q=np.array([1.0]), c=np.array([0.0]))
+    )
+    results = {(kind, scheme): met for kind in ("spc", "rss") for scheme in ("mi", "sw")}
+    assert "MI leaves it; SW takes the safest" in _message(results, "t = 1 s")
 
 
 def test_the_density_sweep_goes_from_light_to_dense():

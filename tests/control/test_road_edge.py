@@ -101,6 +101,8 @@ def test_who_is_out_of_it_by_then_may_drive_on(ending):
     edge, end = ending
     assert edge.speed_within((end - 20.0, 1.3, 0.0, 20.0)) < 13.0
     assert edge.speed_within((end - 20.0, 1.3, 0.1, 20.0)) == math.inf  # 2 m farther left where it ends
+    assert edge.speed_within((end - 20.0, 1.3, 0.05, 20.0)) < 13.0  # 1 m: half of it is still in the lane then
+    assert edge.speed_within((end - 20.0, 1.3, 0.08, 20.0)) < 13.0  # 1.6 m: a corner is, for it is turned
     assert edge.speed_within((end - 20.0, 3.6, 0.0, 20.0)) == math.inf  # in the next lane
     assert edge.speed_within((end - 20.0, 3.6, -0.1, 20.0)) == math.inf  # and on its way into the lane, but not yet
     assert edge.speed_within((end - 100.0, 0.0, 0.0, 20.0)) == math.inf  # there is time

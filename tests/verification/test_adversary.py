@@ -5,6 +5,7 @@ import pytest
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.metrics.rectangles import rectangles_overlap
+from hj_cosim.reachability.games.contract import SizeClass
 from hj_cosim.settings import FilterSettings, RobotSettings
 from hj_cosim.verification.adversary import DESIRED, AdversarySettings, _starts, search_adversary
 from hj_cosim.verification.adversary_games import CHOSEN, CRUISE, Search, roll_out_choices
@@ -87,6 +88,11 @@ def test_a_robot_and_a_truck_overlap_where_their_rectangles_do():
         x, y, theta = draw.uniform([-14.0, -5.0, -0.5], [14.0, 5.0, 0.5])
         told = bodies_overlap(x, y, theta, Bodies(5.0, 2.0, 16.5, 2.5))
         assert told == rectangles_overlap(-x, -y, theta, 5.0, 2.0, 0.0, 16.5, 2.5)
+
+
+def test_the_other_car_is_as_large_as_the_tables_size_class(small_table):
+    table = dataclasses.replace(small_table, size=SizeClass("long truck", 18.0, 2.5))
+    assert game_of(table, RolloutSettings(), FilterSettings(), RobotSettings()).bodies == Bodies(5.0, 2.0, 18.0, 2.5)
 
 
 def test_no_game_begins_with_bodies_that_touch(small_table):
