@@ -20,7 +20,8 @@ from hj_cosim.reachability.games.highway.rows import write_row
 from hj_cosim.reachability.games.highway.target import target_at
 from hj_cosim.reachability.table.lookup import smooth_gradient_at, value_and_gradient_at
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
-from hj_cosim.verification.filter_games import Game, bodies_overlap, game_step, gripped
+from hj_cosim.verification.bodies import bodies_overlap
+from hj_cosim.verification.filter_games import Game, game_step, gripped
 
 CRUISE, FULL_THROTTLE, STEERING_AT_THE_CAR, WITHIN_TRACKING, CHOSEN = 0, 1, 2, 3, 4  # desired controls
 INPUTS = 4  # θ_o, a_o, and of the desired control what turns and what accelerates

@@ -32,15 +32,14 @@ from hj_cosim.reachability.games.highway.other_car import Disturbance
 from hj_cosim.reachability.solver.solver import Progress
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.settings import FilterSettings, RobotSettings, TrackingSettings
+from hj_cosim.verification.bodies import Bodies, where_bodies_overlap
 from hj_cosim.verification.filter_games import (
     COLLIDE,
     CRUISE,
     RANDOM,
     RANDOM_HOLD,
-    Bodies,
     Game,
     roll_out_all,
-    where_bodies_overlap,
     where_bodies_overlap_in_world,
 )
 

@@ -7,11 +7,10 @@ from bent_roads import WIDTH, circle
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.settings import FilterSettings, RobotSettings
+from hj_cosim.verification.bodies import Bodies, where_bodies_overlap
 from hj_cosim.verification.filter_games import (
-    Bodies,
     bent,
     curvature_at,
-    where_bodies_overlap,
     where_bodies_overlap_in_world,
     world_pose,
 )

@@ -9,7 +9,7 @@ from hj_cosim.reachability.games.contract import SizeClass
 from hj_cosim.settings import FilterSettings, RobotSettings
 from hj_cosim.verification.adversary import DESIRED, AdversarySettings, _starts, search_adversary
 from hj_cosim.verification.adversary_games import CHOSEN, CRUISE, Search, roll_out_choices
-from hj_cosim.verification.filter_games import Bodies, bodies_overlap
+from hj_cosim.verification.bodies import Bodies, bodies_overlap
 from hj_cosim.verification.guarantee import RolloutSettings, game_of
 
 FEW = AdversarySettings(games=12, duration=3.0, segments=6, population=12, elite=4, generations=3, seed=1)
