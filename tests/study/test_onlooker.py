@@ -36,9 +36,10 @@ def test_the_table_stands_as_the_study_s_own_when_all_is_driven(server, conduct_
     assert done.table.equals(alone.table)
 
 
-def test_what_runs_is_told_by_the_processes_of_this_machine(server, conduct_synthetic):
+def test_what_runs_is_told_by_the_processes_of_this_machine(server, conduct_synthetic, synthetic):
     live = LiveStudy(server)
-    conduct_synthetic("watched", LocalWorkers(1, live.started), watch=live)
+    # Slowly: of episodes that take no time several are done before the study has noted the first.
+    conduct_synthetic("watched", LocalWorkers(1, live.started), watch=live, function=synthetic.drive_slowly)
     running = [state["running"] for state in states(server)]
     assert max(map(len, running)) in (1, 2)  # one that is done is told of after the next was handed out
     assert {(name, seed) for each in running for name, seed, _ in each} == {
