@@ -15,7 +15,7 @@ from hj_cosim.control.catalogue import make_filter
 from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.control.guard import DESIRED_NOT_FINITE, NOT_JUDGED, GuardedFilter
 from hj_cosim.control.problem.safety_problem import FAILED
-from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE, SafetyPreservingFilter
+from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE, WAS_CAUGHT, WAS_EVADED, SafetyPreservingFilter
 from hj_cosim.control.tracking import eased, tracking_control
 from hj_cosim.cosim.configuration import config_toml
 from hj_cosim.cosim.motion import in_existing_lane, moved, yaw_rate
@@ -291,6 +291,8 @@ def fallback_summary(diagnostics: Mapping[str, float]) -> dict[str, float]:
         "solver_failures": sum(count for what, count in diagnostics.items() if what.endswith(FAILED)),
         "escape_samples": diagnostics.get(ESCAPED, 0),
         "no_escape_samples": diagnostics.get(HAD_NO_ESCAPE, 0),
+        "evasion_samples": diagnostics.get(WAS_EVADED, 0),
+        "caught_samples": diagnostics.get(WAS_CAUGHT, 0),
     }
 
 

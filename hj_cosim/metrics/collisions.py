@@ -10,6 +10,9 @@ from hj_cosim.recording.record import RunRecord
 from hj_cosim.settings import RssParameters
 from hj_cosim.vehicles.rss import lateral_distance, longitudinal_distance
 
+# m/s, RSS's μ-lateral velocity: who moves no faster towards another does not move towards it.
+KEEPING_ITS_PLACE = 0.05
+
 Kind = Literal["into_other", "into_robot", "side"]
 
 
@@ -150,7 +153,8 @@ def _robot_is_responsible(pair: _Pair, rss: RssParameters, *, sideways: bool) ->
     if not sideways:
         return bool(pair.dx[first] >= 0.0)
     towards_left = 1.0 if pair.dy[first] > 0.0 else -1.0
-    return bool(towards_left * pair.robot_lateral[first] > -towards_left * pair.car_lateral[first])
+    towards_car = towards_left * float(pair.robot_lateral[first])
+    return towards_car > max(-towards_left * float(pair.car_lateral[first]), KEEPING_ITS_PLACE)
 
 
 def _lost_distances(pair: _Pair, sample: int, rss: RssParameters) -> tuple[bool, bool]:

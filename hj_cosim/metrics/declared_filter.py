@@ -83,6 +83,27 @@ FILTER_METRICS = (
         explanation="in which no manoeuvre escapes from all cars in K, whatever they do",
         shown="where it happened",
     ),
+    Metric(
+        "evasion_samples",
+        label="samples driven by an evasive manoeuvre",
+        unit="",
+        format=".0f",
+        better="lower",
+        pooling=SUM_OVER_EPISODES,
+        explanation="in which a car broke a duty, and any other control would have ended in it",
+        shown="where it happened",
+    ),
+    Metric(
+        "caught_samples",
+        label="samples with no evasion from who breaks a duty",
+        unit="",
+        format=".0f",
+        better="lower",
+        pooling=SUM_OVER_EPISODES,
+        explanation="in which no manoeuvre keeps the bodies apart if all go on as they do; the one that does so longest"
+        " is driven",
+        shown="where it happened",
+    ),
 )
 
 METRICS_OF_MANY_EPISODES = (

@@ -142,6 +142,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
             "smooth_gradient": True,
             "keep_on_road": True,
             "keep_escape": True,
+            "evade": True,
             "solver": "enumeration",
         },
     },

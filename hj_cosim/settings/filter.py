@@ -52,11 +52,17 @@ class FilterSettings(Settings):
     )
     slack_weight: Number = Field(10.0, gt=0, description="λ_3; the paper has 1")
     keep_on_road: bool = Field(
-        False, description="SPC turns no farther than the robot can turn back before the road's edge; not in the paper"
+        False,
+        description="SPC and RSS turn no farther than the robot can turn back before the road's edge; not in the paper",
     )
     keep_escape: bool = Field(
         False,
         description="SPC's control gives way to an escaping manoeuvre where it would leave none; not in the paper",
+    )
+    evade: bool = Field(
+        False,
+        description="with keep_escape: where a car breaks a duty that the table counts on, SPC's control gives way at"
+        " the last moment to a manoeuvre that keeps the bodies apart if all go on as they do; not in the paper",
     )
     priority: Literal["equal", "belief"] = Field(
         "equal",

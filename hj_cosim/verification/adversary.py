@@ -30,7 +30,7 @@ from hj_cosim.verification.adversary_games import (
     search_games,
 )
 from hj_cosim.verification.bodies import bodies_overlap
-from hj_cosim.verification.filter_games import Game
+from hj_cosim.verification.game import Game
 from hj_cosim.verification.guarantee import RolloutSettings, game_of
 
 Desired = Literal["cruise", "full_throttle", "steering_at_the_car", "tracker_range", "free"]

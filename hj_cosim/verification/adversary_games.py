@@ -15,13 +15,15 @@ from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.control.problem.safety_problem import available_controls
 from hj_cosim.control.spc.approach import NOT_NEEDED, begun_row
 from hj_cosim.control.spc.escape import NO_ESCAPE, NO_MANOEUVRE, is_to_be_looked_at, keep_escape
+from hj_cosim.control.spc.evasion import NO_SHIFT
 from hj_cosim.reachability.games.highway.other_car import allowed
 from hj_cosim.reachability.games.highway.rows import write_row
 from hj_cosim.reachability.games.highway.target import target_at
 from hj_cosim.reachability.table.lookup import smooth_gradient_at, value_and_gradient_at
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 from hj_cosim.verification.bodies import bodies_overlap
-from hj_cosim.verification.filter_games import Game, game_step, gripped
+from hj_cosim.verification.evasion_games import evaded
+from hj_cosim.verification.game import Game, game_step, gripped
 
 CRUISE, FULL_THROTTLE, STEERING_AT_THE_CAR, WITHIN_TRACKING, CHOSEN = 0, 1, 2, 3, 4  # desired controls
 INPUTS = 4  # θ_o, a_o, and of the desired control what turns and what accelerates
@@ -139,6 +141,7 @@ def roll_out_choices(game: Game, search: Search, start: np.ndarray, choices: np.
     cruising, previous_omega, driven = start[3], 0.0, NO_MANOEUVRE
     least_target = least_value = math.inf
     collided, without_escape, gradient = False, False, np.empty(5)
+    inputs, evading = np.zeros((1, 2)), NO_SHIFT  # at first it goes straight on
     for sample in range(search.samples + 1):
         p_x, p_y = robot[0] - car[0], robot[1] - car[1]
         least_target = min(least_target, target_at(game.table.grid.target, p_x, p_y, robot[2], robot[3], car[2]))
@@ -152,9 +155,13 @@ def roll_out_choices(game: Game, search: Search, start: np.ndarray, choices: np.
         without_escape |= without
         if sample == search.samples or collided:
             break
+        if game.evades:
+            asked, others = (omega, acceleration), car.copy().reshape(1, 3)
+            omega, acceleration, evading = evaded(game, robot, others, inputs, asked, not without, evading)
         previous_omega = omega
         may = allowed(game.other, p_x, p_y, robot[3] * math.sin(robot[2]), robot[3], car[2])
         heading, gain = math.asin(_between(choice[0], may.right, may.left)), _between(choice[1], may.least, may.most)
+        inputs[0, 0], inputs[0, 1] = heading, gain
         end = min(max(car[2] + gain * game.step, 0.0), game.other_speed_max)
         driven_way = 0.5 * (car[2] + end) * game.step
         car[0] += driven_way * math.cos(heading)

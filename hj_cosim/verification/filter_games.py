@@ -5,7 +5,6 @@ which is exact (`enumeration.least_cost_control`).
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -13,64 +12,19 @@ from numba import njit
 from hj_cosim.control.problem.enumeration import least_cost_control
 from hj_cosim.control.problem.safety_problem import available_controls
 from hj_cosim.control.spc.approach import NOT_NEEDED, begun_row
-from hj_cosim.control.spc.escape import NO_MANOEUVRE, Extent, is_to_be_looked_at, keep_escape
-from hj_cosim.reachability.games.highway.manoeuvres import Manoeuvres
+from hj_cosim.control.spc.escape import NO_ESCAPE, NO_MANOEUVRE, is_to_be_looked_at, keep_escape
+from hj_cosim.control.spc.evasion import NO_SHIFT
 from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed, worst_heading_sine
 from hj_cosim.reachability.games.highway.rows import write_row
 from hj_cosim.reachability.table.lookup import shift_of_grid, smooth_gradient_at, value_and_gradient_at
-from hj_cosim.reachability.table.table_arrays import TableArrays
 from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 from hj_cosim.vehicles.idm import idm_acceleration
-from hj_cosim.verification.bodies import Bodies, bodies_overlap
+from hj_cosim.verification.bodies import bodies_overlap
+from hj_cosim.verification.evasion_games import evaded
+from hj_cosim.verification.game import Game, bent, curvature_at, game_step, gripped
 
 RANDOM_HOLD = 25  # steps for which a random desire lasts
 CRUISE, RANDOM, COLLIDE = 0, 1, 2  # desires
-
-
-class Game(NamedTuple):
-    """What stays the same over all rollouts, as the kernel takes it."""
-
-    table: TableArrays
-    limits: np.ndarray  # (4,) lower and upper ω, lower and upper a
-    bounds: np.ndarray  # (4,) lower and upper θ, lower and upper v
-    other_speed_max: float
-    weights: np.ndarray  # (3,) λ
-    slack_is_free: bool
-    epsilon: float
-    recovery: float
-    approach: float
-    smooth: bool  # whether slopes are those of a mean over a cell
-    sideways: float  # m/s², the most |v ω| of the robot's tyres
-    step: float
-    other: Disturbance
-    extent: Extent
-    manoeuvres: Manoeuvres  # that one is to remain of, or NO_MANOEUVRES
-    driver: np.ndarray  # (6,) IDM parameters
-    k_theta: float
-    wheelbase: float
-    bodies: Bodies
-    curvature: float  # 1/m, of the road at d = 0; 0 of a straight one
-    half_wave: float  # m, in which the curvature turns over to the other side, evenly; inf if it stays
-
-
-@njit(cache=True)
-def curvature_at(game: Game, along: float) -> float:
-    """Return the road's curvature at s, 1/m: constant, or that of clothoids from one side to the other and back."""
-    if game.half_wave == math.inf:
-        return game.curvature
-    waves = along / (2.0 * game.half_wave)
-    return game.curvature * (4.0 * abs(waves - math.floor(waves) - 0.5) - 1.0)
-
-
-@njit(cache=True)
-def bent(game: Game, before: float, after: float, lateral: float) -> float:
-    """Return the s (m) of who would have come from `before` to `after` on a straight road, but goes round a bend.
-
-    Both cars are in the world, where ds/dt = v cosθ/(1 − κ d): on the inner side a metre of road is less of s.
-    """
-    if game.curvature == 0.0:
-        return after
-    return before + (after - before) / (1.0 - curvature_at(game, before) * lateral)
 
 
 @njit(cache=True)
@@ -91,30 +45,6 @@ def _gradient_within(game: Game, state: np.ndarray, gradient: np.ndarray) -> flo
     y = min(max(state[1], low[1]), low[1] + (cells[1] - 1) / grid.inverse_spacing[1])
     value = value_and_gradient_at(game.table.flat, grid, x, y, state[2], state[3], state[4], gradient)
     return value if x == state[0] and y == state[1] else math.inf
-
-
-@njit(cache=True)
-def gripped(limits: np.ndarray, speed: float, sideways: float) -> np.ndarray:
-    """Return the robot's limits (4,) with ω no larger than its tyres hold at a speed."""
-    held = limits.copy()
-    held[1] = min(held[1], sideways / max(speed, 1e-3))
-    held[0] = -held[1]
-    return held
-
-
-@njit(cache=True)
-def game_step(robot: np.ndarray, omega: float, acceleration: float, speed_max: float, step: float) -> None:
-    """Move the robot as the game's unicycle does, in place; Simpson's rule along the turn is exact to step⁵."""
-    speed, heading = robot[3], robot[2]
-    end = min(max(speed + acceleration * step, 0.0), speed_max)
-    middle, middle_heading, end_heading = 0.5 * (speed + end), heading + 0.5 * omega * step, heading + omega * step
-    robot[0] += (
-        step / 6.0 * (speed * math.cos(heading) + 4.0 * middle * math.cos(middle_heading) + end * math.cos(end_heading))
-    )
-    robot[1] += (
-        step / 6.0 * (speed * math.sin(heading) + 4.0 * middle * math.sin(middle_heading) + end * math.sin(end_heading))
-    )
-    robot[2], robot[3] = end_heading, end
 
 
 @njit(cache=True)
@@ -208,7 +138,8 @@ def _roll_out(
     relative, steepest, row, looked_up = np.empty(5), np.zeros(2), np.empty(8), np.empty(cars)
     slopes = np.empty(5)
     cruising = others[:, 2].copy()
-    previous_omega, driven = 0.0, NO_MANOEUVRE
+    previous_omega, driven, evading, has_escape = 0.0, NO_MANOEUVRE, NO_SHIFT, True
+    inputs = np.zeros((cars, 2))  # at first all go straight on
     for sample in range(samples + 1):
         count, near, least = 0, 0, math.inf
         limits = gripped(game.limits, robot[3], game.sideways)
@@ -261,17 +192,21 @@ def _roll_out(
             )
         if near > 0 and len(game.manoeuvres.heading) > 0:
             among = looked_at[:near]
-            omega, acceleration, _, driven = keep_escape(
+            omega, acceleration, verdict, driven = keep_escape(
                 game.manoeuvres, robot, others[among], in_k[among], omega, acceleration, game.step, driven
             )
             omega = min(max(omega, box[0]), box[1])
             acceleration = min(max(acceleration, box[2]), box[3])
+            has_escape = verdict != NO_ESCAPE
+        if game.evades:
+            asked = (omega, acceleration)
+            omega, acceleration, evading = evaded(game, robot, others, inputs, asked, has_escape, evading)
         previous_omega = omega
         for j in range(cars):
             if adversarial:
                 relative[0], relative[1] = robot[0] - others[j, 0], robot[1] - others[j, 1]
                 relative[2], relative[3], relative[4] = robot[2], robot[3], others[j, 2]
-                heading, other_acceleration = _worst_inputs(gradients[j], relative, game.other)
+                heading, other_acceleration = _worst_inputs(gradients[j], relative, game.played)
             else:
                 ahead = robot[0] - others[j, 0]
                 in_lane = ahead > 0.0 and abs(robot[1] - others[j, 1]) < 0.5 * (
@@ -283,6 +218,7 @@ def _roll_out(
                 other_acceleration = max(
                     idm_acceleration(others[j, 2], gap, robot[3], game.driver), game.other.acceleration_min
                 )
+            inputs[j, 0], inputs[j, 1] = heading, other_acceleration
             end = min(max(others[j, 2] + other_acceleration * game.step, 0.0), game.other_speed_max)
             way = 0.5 * (others[j, 2] + end) * game.step
             others[j, 0] = bent(game, others[j, 0], others[j, 0] + way * math.cos(heading), others[j, 1])

@@ -26,6 +26,7 @@ import numpy as np
 
 from hj_cosim.control.problem.safety_problem import SafetyWeights
 from hj_cosim.control.spc.escape import Extent, can_escape, manoeuvres_for
+from hj_cosim.control.spc.evasion import Evader
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
 from hj_cosim.reachability.games.highway.other_car import Disturbance
@@ -38,14 +39,14 @@ from hj_cosim.verification.filter_games import (
     CRUISE,
     RANDOM,
     RANDOM_HOLD,
-    Game,
     roll_out_all,
     where_bodies_overlap_in_world,
 )
+from hj_cosim.verification.game import Game
 
 Desire = Literal["cruise", "random", "collide"]
 Model = Literal["game", "bicycle"]
-Others = Literal["adversary", "driver"]
+Others = Literal["adversary", "rogue", "driver"]
 
 CAUSES = ("no escape", "interpolation", "grid edge", "unmet rows", "time step")
 
@@ -65,7 +66,9 @@ class RolloutSettings:
         "cruise"  # what the filter is given: lane and speed kept, anything, or the control that lowers V most
     )
     model: Model = "game"  # how the robot moves: as the table assumes, or as the bicycle does
-    others: Others = "adversary"  # who the other cars are: the worst for V, or IDM drivers that keep their lane
+    # Who the other cars are: the worst for V within what the table assumes of them, the worst within their limits
+    # alone, whatever their duties, or IDM drivers that keep their lane.
+    others: Others = "adversary"
     cars: int = 1  # other cars, each of them a pair with V just above ε
     curvature: float = 0.0  # 1/m, of the road at d = 0; both cars are in the world, the filter in the road frame
     half_wave: float = math.inf  # m, in which clothoids turn the road over to the other side, as an S does
@@ -105,6 +108,7 @@ def measure_guarantee(
     robot: RobotSettings | None = None,
     workers: int = 2,
     progress: Progress | None = None,
+    start_table: ValueTable | None = None,
 ) -> GuaranteeReport:
     """Roll out and report how well SPC keeps its promise.
 
@@ -115,16 +119,17 @@ def measure_guarantee(
         robot: its body and limits; the default unless given.
         workers: threads.
         progress: called with the parts played and the parts in all, after each of them.
+        start_table: whose V is just above ε at the start; the same unless given.
 
     Raises:
-        ConfigurationError: if the table has no state with V just above ε.
+        ConfigurationError: if that table has no state with V just above ε.
         TableError: if the table is not of the highway game.
     """
     filter_settings = filter_settings or FilterSettings()
     robot = robot or RobotSettings()
     game = game_of(table, settings, filter_settings, robot)
     generator = np.random.default_rng(settings.seed)
-    robots, others = _starts(table, game, settings, generator)
+    robots, others = _starts(start_table or table, game, settings, generator)
     holds = math.ceil(settings.duration / settings.step / RANDOM_HOLD)
     if table.game.manoeuvres is not None:
         escapes = can_escape(manoeuvres_for(table, robot), robots, others)
@@ -151,7 +156,7 @@ def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, r
     Raises:
         TableError: if the table is not of the highway game.
     """
-    weights = SafetyWeights.of(spc, robot)
+    weights, other = SafetyWeights.of(spc, robot), Disturbance.of_game(table.parameters)
     grid, turn = table.grid, robot.omega_max * settings.step  # as SPC keeps away from the table's last heading
     return Game(
         table=table.arrays,
@@ -166,13 +171,16 @@ def game_of(table: ValueTable, settings: RolloutSettings, spc: FilterSettings, r
         smooth=spc.smooth_gradient,
         sideways=robot.lateral_acceleration_max,
         step=settings.step,
-        other=Disturbance.of_game(table.parameters),
+        other=other,
+        played=other._replace(responsible=False) if settings.others == "rogue" else other,
         extent=Extent.of(table),
         manoeuvres=manoeuvres_for(table, robot) if spc.keep_escape else NO_MANOEUVRES,
         driver=np.array([0.0, 3.0, 5.0, 1.5, 5.0, 4.0]),  # IDM's means; the desired speed is each car's own
         k_theta=TrackingSettings().k_theta,
         wheelbase=robot.wheelbase,
         bodies=Bodies(robot.length, robot.width, table.size.length, table.size.width),
+        evades=spc.evade and spc.keep_escape,
+        evader=Evader.of(robot, -math.inf, math.inf),
         curvature=settings.curvature,
         half_wave=settings.half_wave,
     )
@@ -247,7 +255,7 @@ def _simulate_and_judge(
         private,
         _DESIRES[settings.desire],
         settings.model == "bicycle",
-        settings.others == "adversary",
+        settings.others != "driver",
         robots.copy(),
         others.copy(),
         random,

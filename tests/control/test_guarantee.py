@@ -8,12 +8,8 @@ from bent_roads import WIDTH, circle
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.settings import FilterSettings, RobotSettings
 from hj_cosim.verification.bodies import Bodies, where_bodies_overlap
-from hj_cosim.verification.filter_games import (
-    bent,
-    curvature_at,
-    where_bodies_overlap_in_world,
-    world_pose,
-)
+from hj_cosim.verification.filter_games import where_bodies_overlap_in_world, world_pose
+from hj_cosim.verification.game import bent, curvature_at
 from hj_cosim.verification.guarantee import CAUSES, RolloutSettings, game_of, measure_guarantee
 
 FEW = RolloutSettings(rollouts=60, duration=2.0, seed=1)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from filter_in_loop import ROBOT, STEP, FilterInLoop
 
-from hj_cosim.control.spc.road_edge import BRAKING, SPARE, RoadEdge
+from hj_cosim.control.problem.road_edge import BRAKING, SPARE, RoadEdge
 from hj_cosim.locations import scenarios_folder
 from hj_cosim.scene.observation import Control
 from hj_cosim.scene.road import StraightRoad
@@ -50,11 +50,30 @@ def test_beyond_the_line_straight_on_is_all_that_is_left():
     assert EDGE.headings_within((0.0, 14.5, 0.05, 20.0), 0.2)[1] == 0.0
 
 
+def test_beside_the_line_the_tail_stays_within_as_it_turns_away():
+    for room in (0.1, 0.3, 0.7):
+        lowest, highest = EDGE.headings_within((0.0, LEFT_LINE - 0.5 * WIDTH - room, 0.0, 2.0), 0.3)
+        assert 0.5 * LENGTH * math.sin(-lowest) == pytest.approx(room)
+        assert highest < 0.4
+    # Who is beyond the line may turn back, by as much as brings its tail no farther out than SPARE.
+    assert 0.5 * LENGTH * math.sin(-EDGE.headings_within((0.0, 14.5, 0.0, 2.0), 0.3)[0]) == pytest.approx(SPARE)
+
+
+def test_who_turns_back_before_the_line_does_not_gain_speed(table, observe):
+    turning_back = observe([0.0, 12.0, 0.25, 15.0], [[9000.0, 4.0, 0.0, 20.0]])
+    for keeps, kind in product((True, False), ("spc", "rss")):
+        safety_filter = FilterInLoop(FilterSettings(keep_on_road=keeps, kind=kind), table)
+        control = safety_filter.filter(turning_back, Control(0.3, 4.0)).control
+        assert (control.acceleration <= 0.0) is keeps
+        assert (control.omega == -ROBOT.omega_max) is keeps
+
+
+@pytest.mark.parametrize("kind", ["spc", "rss"])
 @pytest.mark.parametrize("speed", [1.0, 8.0, 20.0, 33.0])
-def test_a_filter_that_keeps_to_the_road_never_lets_a_corner_out_whatever_is_desired(table, observe, speed):
+def test_a_filter_that_keeps_to_the_road_never_lets_a_corner_out_whatever_is_desired(table, observe, speed, kind):
     draw = np.random.default_rng(4)
     for keeps, side in product((True, False), (-1.0, 1.0)):  # from the lane beside the edge
-        safety_filter = FilterInLoop(FilterSettings(keep_on_road=keeps), table)
+        safety_filter = FilterInLoop(FilterSettings(keep_on_road=keeps, kind=kind), table)
         x, y, heading, omega, out = 0.0, 6.0 + 5.0 * side, 0.0, 0.0, -math.inf
         for step in range(600):
             if step % 25 == 0:

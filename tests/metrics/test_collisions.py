@@ -1,5 +1,7 @@
 """Collisions by kind and by whose fault, on staged drives whose answer is plain."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,17 @@ def test_kind_and_responsibility_of_a_staged_collision(car, robot, kind, respons
     assert (first.kind, first.robot_is_responsible) == (kind, responsible)
     assert record.threats.collision[first.sample]
     assert not record.threats.collision[first.sample - 1]
+
+
+def test_who_stands_or_keeps_its_place_is_not_responsible_for_a_side_that_is_run_into():
+    standing = staged((-9.0, 6.03, 20.0, 0.0), (0.0, 4.0, 0.0, 0.0), seconds=1.5)
+    standing.traffic.heading[:] = 0.1  # its tail sticks out towards the robot, while it moves away
+    turned = threat_track(standing.robot, standing.traffic, 5.0, 2.0)
+    (collision, *_) = find_collisions(dataclasses.replace(standing, threats=turned), RSS)
+    assert (collision.kind, collision.robot_is_responsible) == ("side", False)
+    for across, responsible in ((0.04, False), (0.2, True)):
+        (collision, *_) = find_collisions(staged((-1.0, 6.3, 20.0, 0.0), (0.0, 4.0, 20.0, across), seconds=9.0), RSS)
+        assert (collision.kind, collision.robot_is_responsible) == ("side", responsible)
 
 
 def test_kinds_add_up_to_the_collisions_that_there_were():

@@ -6,7 +6,8 @@ import pytest
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.metrics.rectangles import rectangles_overlap
 from hj_cosim.reachability.games.contract import SizeClass
-from hj_cosim.settings import FilterSettings, RobotSettings
+from hj_cosim.reachability.table.store import read_specification, solve_table
+from hj_cosim.settings import FilterSettings, RobotSettings, robot_and_filter
 from hj_cosim.verification.adversary import DESIRED, AdversarySettings, _starts, search_adversary
 from hj_cosim.verification.adversary_games import CHOSEN, CRUISE, Search, roll_out_choices
 from hj_cosim.verification.bodies import Bodies, bodies_overlap
@@ -44,6 +45,25 @@ def test_without_an_escape_kept_the_search_enters_more_often(small_table):
     alone = search(small_table, FilterSettings(), games=40, desired="free")
     keeping = search(small_table, games=40, desired="free")
     assert alone.entered > keeping.entered
+
+
+@pytest.fixture(scope="module")
+def duties_table(small_specification):
+    """The coarse table of the game among cars that do their duties."""
+    specification = read_specification(small_specification)
+    duties = {**specification.parameters, "responsible": 1.0}
+    changes = {"parameters": duties, "capped_by_manoeuvres": True}
+    return solve_table(specification.model_copy(update=changes))
+
+
+def test_who_evades_breaches_of_duty_is_entered_no_more_often_by_who_does_his(duties_table):
+    robot, best = robot_and_filter("best")
+    hunt = dataclasses.replace(FEW, games=30, desired="steering_at_the_car", duration=4.0, segments=8, above=2.0)
+    also = search_adversary(duties_table, hunt, best, robot)
+    alone = search_adversary(duties_table, hunt, best.model_copy(update={"evade": False}), robot)
+    assert also.entered <= alone.entered
+    assert also.collided == alone.collided == 0
+    assert also != alone  # it did evade
 
 
 def test_a_car_that_brakes_as_chosen_is_as_far_as_the_formula_has_it(small_table):

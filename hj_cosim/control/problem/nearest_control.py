@@ -37,6 +37,14 @@ def limits_of(robot: RobotSettings) -> np.ndarray:
     return np.array([-robot.omega_max, robot.omega_max, robot.acceleration_min, robot.acceleration_max])
 
 
+def within(available: np.ndarray, control: Control) -> Control:
+    """Return a control held to what is available, (4,); the same one where it is."""
+    omega = min(max(control.omega, available[0]), available[1])
+    acceleration = min(max(control.acceleration, available[2]), available[3])
+    held = omega == control.omega and acceleration == control.acceleration
+    return control if held else Control(float(omega), float(acceleration))
+
+
 class Grip:
     """The robot's limits, with no more turning than its tyres hold.
 
@@ -88,13 +96,13 @@ class NearestControl:
         """Return the decision under K rows.
 
         Args:
-            rows: half-planes, finite; without any the desired control is the decision.
+            rows: half-planes, finite; without any the desired control is the decision, as far as it is available.
             constraints: how many cars they are about.
             desired: finite, within the robot's limits.
             available: (4,) lower and upper ω, lower and upper a.
         """
         if len(rows) == 0:
-            return RowsDecision(desired, desired=desired, rows=NO_ROWS, available=available)
+            return RowsDecision(within(available, desired), desired=desired, rows=NO_ROWS, available=available)
         omega = self.applied_omega if self._holds_steering else desired.omega
         solution = self._solver.solve(rows, omega, desired.acceleration, available)
         return RowsDecision(

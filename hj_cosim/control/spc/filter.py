@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from hj_cosim.control.contract import CANNOT_JUDGE, FilterDecision
-from hj_cosim.control.problem.nearest_control import Grip, NearestControl, RowsDecision, limits_of
-from hj_cosim.control.problem.safety_problem import NO_ROWS, SafetyRows, available_controls
+from hj_cosim.control.problem.availability import Availability
+from hj_cosim.control.problem.nearest_control import NearestControl, RowsDecision, within
+from hj_cosim.control.problem.safety_problem import NO_ROWS, SafetyRows
 from hj_cosim.control.spc.approach import binding_rows
 from hj_cosim.control.spc.conflicts import robot_answers, severity
 from hj_cosim.control.spc.escape import (
@@ -19,7 +20,7 @@ from hj_cosim.control.spc.escape import (
     manoeuvres_for,
     packed_escape,
 )
-from hj_cosim.control.spc.road_edge import RoadEdge
+from hj_cosim.control.spc.last_resort import LastResort
 from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
 from hj_cosim.reachability.table.cars import rows_of_cars, smooth_gradients
 from hj_cosim.reachability.table.table import ValueTable
@@ -30,7 +31,9 @@ from hj_cosim.settings import FilterSettings, RobotSettings
 # Diagnostics: how often
 ESCAPED = "escaped"  # the control gave way to a manoeuvre that escapes
 HAD_NO_ESCAPE = "had no escape"  # it gave way to the manoeuvre that guarantees most, for none escapes
-_DIAGNOSTICS: Mapping[int, Mapping[str, float]] = {ESCAPING: {ESCAPED: 1}, NO_ESCAPE: {HAD_NO_ESCAPE: 1}}
+WAS_EVADED = "evaded"  # the control gave way to a manoeuvre away from who breaks a duty
+WAS_CAUGHT = "caught"  # it gave way to the manoeuvre that keeps the bodies apart longest, for none does to the end
+_ESCAPES: Mapping[int, Mapping[str, float]] = {ESCAPING: {ESCAPED: 1}, NO_ESCAPE: {HAD_NO_ESCAPE: 1}}
 
 
 class SafetyPreservingFilter:
@@ -51,7 +54,6 @@ class SafetyPreservingFilter:
     def __init__(
         self, settings: FilterSettings, robot: RobotSettings, road: Road, table: ValueTable, step: float
     ) -> None:
-        self._edge = RoadEdge(road, robot.length, robot.width, step) if settings.keep_on_road else None
         self._nearest = NearestControl(settings, robot)
         self._epsilon = settings.epsilon
         self._recovery = settings.recovery
@@ -60,32 +62,30 @@ class SafetyPreservingFilter:
         self._bound = settings.epsilon if settings.approach == 0.0 else np.finfo(np.float64).max
         self._by_responsibility = settings.conflicts == "responsibility"
         self._body = (robot.length, robot.width)
-        self._grip = Grip(robot)
-        self._step = step
         self._table = table
         self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
         self._escape_numbers = packed_escape(table, settings.epsilon, step)
         self._manoeuvre_arrays = (self._manoeuvres.heading, self._manoeuvres.acceleration, self._manoeuvres.games)
         self._driven = NO_MANOEUVRE
-        self._limits = limits_of(robot)
-        # What the bicycle turns in a step at a changing speed differs from ω step, by less than the largest of these.
-        turn = robot.omega_max * step
-        self._bounds = np.array([table.grid.lower[2] + turn, table.grid.upper[2] - turn, 0.0, robot.speed_max])
-        # Within these, no control leads beyond the bounds in one step, and the limits themselves are available.
-        self._free_heading = (self._bounds[0] + turn, self._bounds[1] - turn)
-        self._free_speed = (-robot.acceleration_min * step, robot.speed_max - robot.acceleration_max * step)
+        self._last_resort = None
+        if settings.evade and settings.keep_escape:
+            self._last_resort = LastResort(robot, road, self._manoeuvres.games, self._escape_numbers, step)
+        self._available = Availability(settings, robot, road, (table.grid.lower[2], table.grid.upper[2]), step)
 
     def prepare(self, observation: Observation, values: CarValues) -> None:
         """Compile what is driven with: Ctrl-C while Numba compiles may be lost, which no step of a drive is to risk."""
-        available = available_controls(self._limits, 0.0, 0.0, self._bounds, self._step)
+        self._available.prepare()
+        available = self._available.at(observation.robot)
         self._rows(observation, values, Control(0.0, 0.0), available)
         self._nearest.prepare(available)
         if len(self._manoeuvres.heading) > 0:
             self._kept_escape(observation, values, Control(0.0, 0.0))
+        if self._last_resort is not None:
+            self._last_resort.prepare(observation)
 
     def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
         """Return the control nearest to the desired one under which no V in K falls; see SafetyFilter."""
-        available = self._available(observation.robot)
+        available = self._available.at(observation.robot)
         rows: SafetyRows | None = NO_ROWS
         if values.least <= self._bound:
             rows = self._rows(observation, values, desired, available)
@@ -97,10 +97,10 @@ class SafetyPreservingFilter:
             cars = np.array([np.flatnonzero(observation.vehicle == vehicle)[0] for vehicle in rows.vehicle])
             answers = robot_answers(observation, cars, *self._body)
             decision = self._nearest.resolve(decision, answers, severity(rows.value, self._epsilon), desired)
-        if len(rows) == 0 and available is not self._limits:
-            decision = replace(decision, control=_within(available, desired.omega, desired.acceleration))
         if len(self._manoeuvres.heading) > 0:
             decision = self._escaping(observation, values, decision)
+        if self._last_resort is not None:
+            decision = self._evading(observation, values, decision, self._last_resort)
         self._nearest.applied_omega = decision.control.omega
         return decision
 
@@ -115,29 +115,6 @@ class SafetyPreservingFilter:
         )
         found = SafetyRows(observation.vehicle[cars[kept]], *rows)
         return found if found.are_possible else None
-
-    def _available(self, robot: np.ndarray) -> np.ndarray:
-        """Return the controls that the tyres hold and that do not lead beyond the table or the road, (4,)."""
-        place = robot.tolist()
-        heading, speed = place[2], place[3]
-        limits = self._grip.limits_at(speed)
-        if self._edge is not None:
-            fastest = self._edge.speed_within(place)
-            if fastest < speed + limits[3] * self._step:
-                limits = limits.copy()
-                limits[3] = max((fastest - speed) / self._step, limits[2])
-            turn = float(limits[1])
-            lowest, highest = self._edge.headings_within(place, turn)
-            if not lowest + turn * self._step <= heading <= highest - turn * self._step:
-                bounds = self._bounds.copy()
-                bounds[0], bounds[1] = max(bounds[0], lowest), min(bounds[1], highest)
-                return available_controls(limits, heading, speed, bounds, self._step)
-        if (
-            self._free_heading[0] <= heading <= self._free_heading[1]
-            and self._free_speed[0] <= speed <= self._free_speed[1]
-        ):
-            return limits
-        return available_controls(limits, heading, speed, self._bounds, self._step)
 
     def _kept_escape(
         self, observation: Observation, values: CarValues, asked: Control
@@ -163,12 +140,29 @@ class SafetyPreservingFilter:
         omega, acceleration, verdict, self._driven = self._kept_escape(observation, values, decision.control)
         if verdict == PASSED:
             return decision
-        diagnostics = {**decision.diagnostics, **_DIAGNOSTICS[verdict]}
-        control = _within(decision.available, omega, acceleration)
-        slack = max(-float(decision.rows.margins(control.omega, control.acceleration).min(initial=0.0)), 0.0)
-        return replace(decision, control=control, escaping=True, slack=slack, diagnostics=diagnostics)
+        return _given_way(decision, Control(omega, acceleration), _ESCAPES[verdict])
+
+    def _evading(
+        self, observation: Observation, values: CarValues, decision: RowsDecision, last_resort: LastResort
+    ) -> RowsDecision:
+        """Return the decision, or an evasive manoeuvre's where somebody breaks a duty and nothing else is left.
+
+        As long as a breach is in doubt the escape comes first: no evasion may cost one that there is.
+        """
+        evasion = last_resort.evasion(observation, decision.control)
+        if evasion is None:
+            return decision
+        diagnostics: Mapping[str, float] = {WAS_CAUGHT if evasion.is_caught else WAS_EVADED: 1}
+        evading = _given_way(decision, evasion.control, diagnostics)
+        keeps_escape = evasion.is_in_doubt and HAD_NO_ESCAPE not in decision.diagnostics
+        if keeps_escape and self._kept_escape(observation, values, evading.control)[2] != PASSED:
+            return decision
+        return evading
 
 
-def _within(available: np.ndarray, omega: float, acceleration: float) -> Control:
-    """Return a control held to what is available, (4,)."""
-    return Control(min(max(omega, available[0]), available[1]), min(max(acceleration, available[2]), available[3]))
+def _given_way(decision: RowsDecision, wanted: Control, diagnostics: Mapping[str, float]) -> RowsDecision:
+    """Return the decision with a manoeuvre's control, held to what is available."""
+    control = within(decision.available, wanted)
+    slack = max(-float(decision.rows.margins(control.omega, control.acceleration).min(initial=0.0)), 0.0)
+    diagnostics = {**decision.diagnostics, **diagnostics}
+    return replace(decision, control=control, escaping=True, slack=slack, diagnostics=diagnostics)

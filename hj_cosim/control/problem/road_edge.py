@@ -86,10 +86,15 @@ class RoadEdge:
         """
         along, lateral, heading, speed = robot
         rightmost, leftmost = self._lines or self._lines_to_keep(along, lateral, speed)
-        drift, beside = speed * math.sin(heading) * self._step, self._half_width + SPARE
-        left = leftmost - lateral - max(drift, 0.0) - beside
-        right = lateral + min(drift, 0.0) - rightmost - beside
-        return -_steepest(right, speed / omega, self._front), _steepest(left, speed / omega, self._front)
+        drift, radius = speed * math.sin(heading) * self._step, speed / omega
+        left = leftmost - lateral - max(drift, 0.0) - self._half_width
+        right = lateral + min(drift, 0.0) - rightmost - self._half_width
+        lowest = max(-_steepest(right - SPARE, radius, self._front), -self._tail_within(left))
+        return lowest, min(_steepest(left - SPARE, radius, self._front), self._tail_within(right))
+
+    def _tail_within(self, room: float) -> float:
+        """Return the greatest heading, rad, away from a line `room` m beside it that keeps its tail within that."""
+        return math.asin(min(max(room, SPARE) / self._front, 1.0))
 
 
 def _steepest(room: float, radius: float, front: float) -> float:

@@ -1,0 +1,213 @@
+"""Evading who breaks a duty: the last that is left where V counts on duties that somebody does not do.
+
+V among cars that do their duties promises nothing of one that steers into the robot's side or does not brake behind it,
+and the escape, straight on and braking, may be the wrong one. Such a car is seen (`games.highway.breach`). All cars are
+taken to go on as they do, and who breaks a duty to be anywhere within a reach around that, which grows. A control
+passes if after it some manoeuvre keeps the bodies apart; if none does, that one is driven which does so best, or
+longest. So it acts at the last moment, when nothing else is left.
+
+A manoeuvre shifts the robot across the road, as fast as it can and be straight again, at one acceleration. First comes
+that it runs into nobody whom it has to answer for, those ahead and those who do their duties, and leaves room to brake
+behind those ahead; then that nobody runs into it. Nothing is guaranteed here: nobody has to go on as he does.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hj_cosim.kernels import kernel
+from hj_cosim.settings import RobotSettings
+
+HORIZON, STEP = 3.0, 0.1  # s
+_INSTANTS = round(HORIZON / STEP)
+# m between the bodies that a manoeuvre must leave for a control to pass, and while one is driven already.
+SPARE, SPARE_DRIVEN = 0.2, 0.6
+_MOST_SPARE = 1.0  # m; more is no better
+REACH_ALONG, REACH_ACROSS = 3.0, 1.0  # m/s², by which who breaks a duty may do otherwise than now, either way
+HEADING = 0.3  # rad, the most that a shift turns to
+_SHARE_OF_TURNING = 0.8  # of the turning that there is, which a shift counts on to be straight in the end
+_GAINING = 1.0  # s, for which a manoeuvre accelerates
+_BETTER = 0.35  # of an outcome, by which another manoeuvre has to be better than the one that is driven
+_SHIFTS = (0.0, 1.0, -1.0, 2.0, -2.0, 3.6, -3.6)  # m
+_SLOWEST = 0.1  # m/s, below which a turn has no radius
+PASSED, EVADED, CAUGHT = 0, 1, 2  # verdicts
+# Columns of a car: m, m, m/s, m/s², and m/s across the road; half its extents along and across, m; half its reach in
+# m/s² along and across; and whether the robot answers for running into it.
+X, Y, SPEED, ACCELERATION, ACROSS, HALF_ALONG, HALF_ACROSS, REACHES_ALONG, REACHES_ACROSS, ANSWERED = range(10)
+COLUMNS = 10
+
+
+class Evader(NamedTuple):
+    """The robot's body, what it can do, and where its centre stays across the road."""
+
+    length: float  # m
+    width: float  # m
+    omega_max: float  # rad/s
+    sideways: float  # m/s², the most |v ω| that its tyres hold
+    acceleration_min: float  # m/s²
+    acceleration_max: float  # m/s²
+    speed_max: float  # m/s
+    lowest: float  # m
+    highest: float  # m
+
+    @classmethod
+    def of(cls, robot: RobotSettings, lowest: float, highest: float) -> "Evader":
+        """Return a robot that stays between two offsets across the road, m."""
+        return cls(
+            robot.length,
+            robot.width,
+            robot.omega_max,
+            robot.lateral_acceleration_max,
+            robot.acceleration_min,
+            robot.acceleration_max,
+            robot.speed_max,
+            lowest,
+            highest,
+        )
+
+
+class Shift(NamedTuple):
+    """A manoeuvre: to a place across the road, at an acceleration; no place, NaN, is none."""
+
+    lateral: float  # m
+    acceleration: float  # m/s²
+
+
+class Held(NamedTuple):
+    """A control that is held before a manoeuvre begins."""
+
+    omega: float  # rad/s
+    acceleration: float  # m/s²
+    time: float  # s, may be 0
+
+
+class Motion(NamedTuple):
+    """The robot at an instant."""
+
+    x: float  # m
+    y: float  # m
+    heading: float  # rad
+    speed: float  # m/s
+
+
+NO_SHIFT = Shift(math.nan, 0.0)
+_AT_ONCE = Held(0.0, 0.0, 0.0)
+
+
+@kernel
+def shifting_omega(evader: Evader, shift: Shift, at: Motion, step: float) -> float:
+    """Return ω, rad/s, over the next step of a shift: to where it leads as fast as it can still be straight there."""
+    most = min(evader.omega_max, evader.sideways / max(at.speed, _SLOWEST))
+    rest = shift.lateral - at.y
+    across = math.sqrt(2.0 * _SHARE_OF_TURNING * most * at.speed * abs(rest))
+    aim = math.asin(min(across / max(at.speed, _SLOWEST), math.sin(HEADING)))
+    return min(max((math.copysign(aim, rest) - at.heading) / step, -most), most)
+
+
+@kernel
+def _moved(evader: Evader, at: Motion, omega: float, acceleration: float, step: float) -> Motion:
+    """Return the robot a step later."""
+    speed = min(max(at.speed + acceleration * step, 0.0), evader.speed_max)
+    way, direction = 0.5 * (at.speed + speed) * step, at.heading + 0.5 * omega * step
+    return Motion(at.x + way * math.cos(direction), at.y + way * math.sin(direction), at.heading + omega * step, speed)
+
+
+@kernel
+def _room(evader: Evader, at: Motion, time: float, car: np.ndarray) -> float:
+    """Return what is between the robot and wherever a car may be at a time, m; at most 0 where they may touch.
+
+    Behind one that it answers for, what it needs to stop in that one's stead counts as taken.
+    """
+    sin, cos = abs(math.sin(at.heading)), math.cos(at.heading)
+    moving = min(time, -car[SPEED] / car[ACCELERATION]) if car[ACCELERATION] < 0.0 else time
+    along = car[X] + (car[SPEED] + 0.5 * car[ACCELERATION] * moving) * moving - at.x
+    across = car[Y] + car[ACROSS] * time - at.y
+    lengthwise = abs(along) - 0.5 * (evader.length * cos + evader.width * sin) - car[HALF_ALONG]
+    sideways = abs(across) - 0.5 * (evader.width * cos + evader.length * sin) - car[HALF_ACROSS]
+    if car[ANSWERED] > 0.0 and along > 0.0:
+        ahead = max(car[SPEED] + car[ACCELERATION] * moving, 0.0)
+        lengthwise -= max(at.speed * at.speed - ahead * ahead, 0.0) / (-2.0 * evader.acceleration_min)
+    return max(lengthwise - car[REACHES_ALONG] * time * time, sideways - car[REACHES_ACROSS] * time * time)
+
+
+@kernel
+def outcome(evader: Evader, start: Motion, held: Held, shift: Shift, cars: np.ndarray, floor: float) -> float:
+    """Return how a manoeuvre ends; the higher, the better.
+
+    Until when nobody is run into whom the robot answers for, s; if to the end, HORIZON and until when nobody runs into
+    it; if nobody does, twice HORIZON and what is left between the bodies, m.
+
+    Args:
+        evader: the robot.
+        start: where it is.
+        held: the control that comes first.
+        shift: the manoeuvre.
+        cars: (n, COLUMNS) of `write_car`.
+        floor: once nothing above it is possible, something that is not above it is returned.
+    """
+    at, time, spare, touched = start, 0.0, _MOST_SPARE, math.inf
+    for instant in range(-1, _INSTANTS):
+        if instant < 0:
+            omega, acceleration, step = held.omega, held.acceleration, held.time
+        else:
+            omega, step = shifting_omega(evader, shift, at, STEP), STEP
+            acceleration = 0.0 if shift.acceleration > 0.0 and time > _GAINING else shift.acceleration
+        at, time = _moved(evader, at, omega, acceleration, step), time + step
+        for j in range(len(cars)):
+            room = _room(evader, at, time, cars[j])
+            if room <= 0.0 and cars[j, ANSWERED] > 0.0:
+                return time
+            spare = min(spare, room)
+        if spare <= 0.0:
+            touched = min(touched, time)
+        if (2.0 * HORIZON + spare if spare > 0.0 else HORIZON + touched) <= floor:
+            break
+    return 2.0 * HORIZON + spare if spare > 0.0 else HORIZON + touched
+
+
+@kernel
+def _shift(evader: Evader, start: Motion, which: int) -> Shift:
+    """Return one of the shifts that there are from a place, those first that brake, and of these straight on."""
+    gain, aside = divmod(which, len(_SHIFTS))
+    least, most = evader.acceleration_min, evader.acceleration_max
+    acceleration = (least, 0.5 * least, 0.0, 0.5 * most, most)[gain]
+    return Shift(min(max(start.y + _SHIFTS[aside], evader.lowest), evader.highest), acceleration)
+
+
+_COUNT = 5 * len(_SHIFTS)
+
+
+@njit(cache=True)
+def evade(evader: Evader, start: Motion, cars: np.ndarray, asked: Held, driven: Shift) -> tuple[Held, int, Shift]:
+    """Return the control to apply: the one asked for if after it nothing need happen, or else a manoeuvre's.
+
+    Args:
+        evader: the robot.
+        start: where it is.
+        cars: (n, COLUMNS) of `write_car`.
+        asked: the control asked for, and for how long it is held.
+        driven: the manoeuvre that gave the last control, NO_SHIFT if none did.
+
+    Returns:
+        The control; the verdict, which is PASSED, EVADED, or CAUGHT if the manoeuvre is the best there is and does not
+        keep the bodies apart; and the manoeuvre that is driven now, NO_SHIFT if the control passed.
+    """
+    driving = not math.isnan(driven.lateral)
+    enough = 2.0 * HORIZON + (SPARE_DRIVEN if driving else SPARE)
+    if driving and outcome(evader, start, asked, driven, cars, enough) > enough:
+        return asked, PASSED, NO_SHIFT
+    for which in range(_COUNT):
+        if outcome(evader, start, asked, _shift(evader, start, which), cars, enough) > enough:
+            return asked, PASSED, NO_SHIFT
+    best, most = NO_SHIFT, -1.0
+    if driving:
+        best, most = driven, outcome(evader, start, _AT_ONCE, driven, cars, -1.0) + _BETTER
+    for which in range(_COUNT):
+        shift = _shift(evader, start, which)
+        found = outcome(evader, start, _AT_ONCE, shift, cars, most)
+        if found > most:
+            best, most = shift, found
+    control = Held(shifting_omega(evader, best, start, asked.time), best.acceleration, asked.time)
+    return control, EVADED if most > 2.0 * HORIZON else CAUGHT, best

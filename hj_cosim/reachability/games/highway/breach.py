@@ -1,0 +1,59 @@
+"""Who is seen to break a duty that the game `responsible` counts on (`other_car`; jitted).
+
+V among cars that do their duties promises nothing of one that does not. Seen is how a car moves now: across the road
+towards a robot that it has to leave room beside, or on at a robot that it has to brake for. A car that moves across
+cannot stop at once, as the game's can, so that a breach is foreseen where it would break its duty by going on for a
+moment. Beyond doubt is only what it did not have the right to do a moment ago, either.
+"""
+
+import math
+
+from hj_cosim.kernels import kernel
+from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed
+
+DOES_DUTIES, WILL_BREAK, BREAKS = 0, 1, 2
+FORESIGHT = 0.7  # s
+# What ordinary drivers exceed their duties by, in sensing and in keeping to their lane.
+ACROSS, ALONG = 0.3, 1.0  # m/s, m/s²
+# How far the state of a step ago, to which what is seen belongs, may be from that of now; and what else it may change.
+DOUBT_ALONG, DOUBT_ACROSS, DOUBT_OF_BRAKING = 1.5, 0.2, 2.0  # m, m, m/s²
+
+
+@kernel
+def breach(
+    other: Disturbance, p_x: float, p_y: float, leftwards: float, v_r: float, v_o: float, sine: float, gain: float
+) -> int:
+    """Return whether a car moves as its duties forbid: DOES_DUTIES, WILL_BREAK one if it goes on, or BREAKS one.
+
+    Args:
+        other: what is assumed of it; who has no duties breaks none.
+        p_x, p_y: robot − other, m.
+        leftwards: v_r sin θ of the robot, m/s.
+        v_r, v_o: m/s.
+        sine: sin θ_o, of its heading.
+        gain: a_o, m/s².
+    """
+    if not other.responsible:
+        return DOES_DUTIES
+    across = v_o * sine
+    right, left, most = 0.0, 0.0, -math.inf  # the most that may have been allowed
+    farther = p_x + math.copysign(DOUBT_ALONG, p_x)
+    for x in (farther, -farther if abs(p_x) < DOUBT_ALONG else farther):
+        for y in (p_y - DOUBT_ACROSS, p_y + DOUBT_ACROSS):
+            before = allowed(other, x, y, leftwards, v_r, v_o)
+            right, left, most = min(right, before.right), max(left, before.left), max(most, before.most)
+    if gain > most + DOUBT_OF_BRAKING + ALONG or _is_beyond(right, left, v_o, across):
+        return BREAKS
+    if gain > allowed(other, p_x, p_y, leftwards, v_r, v_o).most + ALONG:
+        return WILL_BREAK
+    if abs(across) <= ACROSS or across * p_y <= 0.0:
+        return DOES_DUTIES
+    nearer = math.copysign(max(abs(p_y) - FORESIGHT * abs(across), 0.0), p_y)
+    then = allowed(other, p_x, nearer, leftwards, v_r, v_o)
+    return WILL_BREAK if _is_beyond(then.right, then.left, v_o, across) else DOES_DUTIES
+
+
+@kernel
+def _is_beyond(right: float, left: float, speed: float, across: float) -> bool:
+    """Return whether a speed across the road, m/s, is beyond what the least and the greatest sin θ_o allow."""
+    return across > speed * left + ACROSS or across < speed * right - ACROSS

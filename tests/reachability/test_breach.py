@@ -1,0 +1,66 @@
+"""Who breaks a duty is seen; who does them, as the game lets him, is never said to break one beyond doubt."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hj_cosim.reachability.games.highway.breach import BREAKS, DOES_DUTIES, WILL_BREAK, breach
+from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed
+
+DUTIES = Disturbance(heading_max=0.1, acceleration_min=-6.0, acceleration_max=4.0, responsible=True)
+STEP = 0.02
+
+
+def seen(p_x, p_y, v_r=20.0, v_o=20.0, across=0.0, gain=0.0, leftwards=0.0, duties=DUTIES):
+    """Return what is said of a car at 20 m/s beside a robot as fast; across in m/s to the left."""
+    return breach(duties, p_x, p_y, leftwards, v_r, v_o, across / v_o, gain)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_who_steers_at_the_robots_side_will_break_a_duty_and_then_breaks_it(side):
+    said = [seen(0.0, side * aside, across=side * 1.0) for aside in np.arange(4.5, 2.3, -0.1)]
+    assert said == sorted(said)  # it only becomes worse
+    assert set(said) == {DOES_DUTIES, WILL_BREAK, BREAKS}
+    assert seen(0.0, side * 3.6, across=side * 1.0) == WILL_BREAK
+    assert seen(0.0, side * 2.8, across=side * 1.0) == BREAKS
+
+
+def test_who_is_beside_and_stays_there_or_goes_away_breaks_none():
+    for aside in (2.2, 3.0, 4.0):
+        assert seen(-1.0, aside) == DOES_DUTIES
+        assert seen(-1.0, aside, across=-1.5) == DOES_DUTIES
+        assert seen(-1.0, aside, across=0.25) == DOES_DUTIES  # as a driver sways in his lane
+
+
+def test_who_cuts_in_breaks_a_duty_only_where_there_is_no_room():
+    assert seen(-12.0, 2.8, across=1.5) == BREAKS  # it is 7 m ahead of a robot as fast
+    assert seen(-60.0, 2.8, across=1.5) == DOES_DUTIES
+
+
+def test_who_follows_breaks_a_duty_where_it_is_too_near_and_does_not_brake():
+    assert seen(60.0, 0.0) == DOES_DUTIES
+    assert seen(9.0, 0.0, gain=0.0) == BREAKS
+    assert seen(9.0, 0.0, gain=-6.0) == DOES_DUTIES
+    assert seen(9.0, 4.0, gain=4.0) == DOES_DUTIES  # in the lane beside
+
+
+def test_who_has_no_duties_breaks_none():
+    free = DUTIES._replace(responsible=False)
+    assert seen(9.0, 0.0, gain=4.0, duties=free) == seen(0.0, 2.5, across=2.0, duties=free) == DOES_DUTIES
+
+
+def test_who_did_what_the_game_allowed_a_step_ago_is_never_said_to_break_a_duty_beyond_doubt():
+    draw, doubted = np.random.default_rng(5), 0
+    for _ in range(200000):
+        p_x, p_y = draw.uniform(-30.0, 30.0), draw.uniform(-4.5, 4.5)
+        v_r, v_o, heading = draw.uniform(0.0, 30.0), draw.uniform(0.0, 30.0), draw.uniform(-0.15, 0.15)
+        may = allowed(DUTIES, p_x, p_y, v_r * math.sin(heading), v_r, v_o)
+        sine, gain = draw.choice([may.right, may.left]), draw.choice([may.least, may.most])
+        p_x += (v_r * math.cos(heading) - v_o * math.sqrt(1.0 - sine * sine)) * STEP
+        p_y += (v_r * math.sin(heading) - v_o * sine) * STEP
+        v_o = max(v_o + gain * STEP, 0.0)
+        said = breach(DUTIES, p_x, p_y, v_r * math.sin(heading), v_r, v_o, sine, gain)
+        assert said != BREAKS, (p_x, p_y, v_r, v_o, heading, sine, gain)
+        doubted += said == WILL_BREAK
+    assert doubted > 50  # such as move on to where they will have to stop at once
