@@ -11,17 +11,9 @@ from hj_cosim.control.problem.nearest_control import NearestControl, RowsDecisio
 from hj_cosim.control.problem.safety_problem import NO_ROWS, SafetyRows
 from hj_cosim.control.spc.approach import binding_rows
 from hj_cosim.control.spc.conflicts import robot_answers, severity
-from hj_cosim.control.spc.escape import (
-    ESCAPING,
-    NO_ESCAPE,
-    NO_MANOEUVRE,
-    PASSED,
-    keep_escape_in_traffic,
-    manoeuvres_for,
-    packed_escape,
-)
+from hj_cosim.control.spc.escape import ESCAPING, NO_ESCAPE, PASSED
+from hj_cosim.control.spc.kept_escape import KeptEscape
 from hj_cosim.control.spc.last_resort import LastResort
-from hj_cosim.reachability.games.highway.manoeuvres import NO_MANOEUVRES
 from hj_cosim.reachability.table.cars import rows_of_cars, smooth_gradients
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import CarValues, Control, Observation
@@ -63,13 +55,10 @@ class SafetyPreservingFilter:
         self._by_responsibility = settings.conflicts == "responsibility"
         self._body = (robot.length, robot.width)
         self._table = table
-        self._manoeuvres = manoeuvres_for(table, robot) if settings.keep_escape else NO_MANOEUVRES
-        self._escape_numbers = packed_escape(table, settings.epsilon, step)
-        self._manoeuvre_arrays = (self._manoeuvres.heading, self._manoeuvres.acceleration, self._manoeuvres.games)
-        self._driven = NO_MANOEUVRE
+        self._escape = KeptEscape(table, robot, settings.epsilon, step) if settings.keep_escape else None
         self._last_resort = None
-        if settings.evade and settings.keep_escape:
-            self._last_resort = LastResort(robot, road, self._manoeuvres.games, self._escape_numbers, step)
+        if settings.evade and self._escape is not None:
+            self._last_resort = LastResort(robot, road, self._escape.games, self._escape.numbers, step)
         self._available = Availability(settings, robot, road, (table.grid.lower[2], table.grid.upper[2]), step)
 
     def prepare(self, observation: Observation, values: CarValues) -> None:
@@ -78,8 +67,8 @@ class SafetyPreservingFilter:
         available = self._available.at(observation.robot)
         self._rows(observation, values, Control(0.0, 0.0), available)
         self._nearest.prepare(available)
-        if len(self._manoeuvres.heading) > 0:
-            self._kept_escape(observation, values, Control(0.0, 0.0))
+        if self._escape is not None:
+            self._escape.prepare(observation, values.value)
         if self._last_resort is not None:
             self._last_resort.prepare(observation)
 
@@ -97,10 +86,12 @@ class SafetyPreservingFilter:
             cars = np.array([np.flatnonzero(observation.vehicle == vehicle)[0] for vehicle in rows.vehicle])
             answers = robot_answers(observation, cars, *self._body)
             decision = self._nearest.resolve(decision, answers, severity(rows.value, self._epsilon), desired)
-        if len(self._manoeuvres.heading) > 0:
-            decision = self._escaping(observation, values, decision)
-        if self._last_resort is not None:
-            decision = self._evading(observation, values, decision, self._last_resort)
+        if self._escape is not None:
+            wanted, verdict = self._escape.keep(observation, values.value, decision.control)
+            if verdict != PASSED:
+                decision = _given_way(decision, wanted, _ESCAPES[verdict])
+            if self._last_resort is not None:
+                decision = self._evading(observation, values, decision, self._escape, self._last_resort)
         self._nearest.applied_omega = decision.control.omega
         return decision
 
@@ -116,34 +107,13 @@ class SafetyPreservingFilter:
         found = SafetyRows(observation.vehicle[cars[kept]], *rows)
         return found if found.are_possible else None
 
-    def _kept_escape(
-        self, observation: Observation, values: CarValues, asked: Control
-    ) -> tuple[float, float, int, int]:
-        """Return what `keep_escape_in_traffic` does."""
-        return keep_escape_in_traffic(
-            self._manoeuvre_arrays,
-            self._escape_numbers,
-            observation.robot,
-            observation.x,
-            observation.y,
-            observation.speed,
-            observation.length,
-            observation.width,
-            values.value,
-            asked.omega,
-            asked.acceleration,
-            self._driven,
-        )
-
-    def _escaping(self, observation: Observation, values: CarValues, decision: RowsDecision) -> RowsDecision:
-        """Return the decision, or a manoeuvre's where the decision's control is not known to leave an escape."""
-        omega, acceleration, verdict, self._driven = self._kept_escape(observation, values, decision.control)
-        if verdict == PASSED:
-            return decision
-        return _given_way(decision, Control(omega, acceleration), _ESCAPES[verdict])
-
     def _evading(
-        self, observation: Observation, values: CarValues, decision: RowsDecision, last_resort: LastResort
+        self,
+        observation: Observation,
+        values: CarValues,
+        decision: RowsDecision,
+        escape: KeptEscape,
+        last_resort: LastResort,
     ) -> RowsDecision:
         """Return the decision, or an evasive manoeuvre's where somebody breaks a duty and nothing else is left.
 
@@ -155,7 +125,7 @@ class SafetyPreservingFilter:
         diagnostics: Mapping[str, float] = {WAS_CAUGHT if evasion.is_caught else WAS_EVADED: 1}
         evading = _given_way(decision, evasion.control, diagnostics)
         keeps_escape = evasion.is_in_doubt and HAD_NO_ESCAPE not in decision.diagnostics
-        if keeps_escape and self._kept_escape(observation, values, evading.control)[2] != PASSED:
+        if keeps_escape and not escape.leaves_one(observation, values.value, evading.control):
             return decision
         return evading
 
