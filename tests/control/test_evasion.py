@@ -5,11 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from filter_in_loop import FilterInLoop
+from filter_in_loop import ROAD, FilterInLoop
 
 from hj_cosim.control.spc.duty_breakers import Seen, write_car
-from hj_cosim.control.spc.escape import PASSED as ESCAPES
-from hj_cosim.control.spc.escape import keep_escape, manoeuvres_for
+from hj_cosim.control.spc.escape import manoeuvres_for
 from hj_cosim.control.spc.evasion import (
     CAUGHT,
     COLUMNS,
@@ -25,7 +24,10 @@ from hj_cosim.control.spc.evasion import (
     outcome,
 )
 from hj_cosim.control.spc.filter import WAS_CAUGHT, WAS_EVADED
+from hj_cosim.control.spc.kept_escape import KeptEscape
+from hj_cosim.control.spc.last_resort import LastResort
 from hj_cosim.metrics.rectangles import rectangles_overlap
+from hj_cosim.reachability.table.cars import car_values
 from hj_cosim.scene.observation import Control
 from hj_cosim.settings import FilterSettings, robot_and_filter
 
@@ -198,21 +200,36 @@ def test_it_counts_where_nothing_helps(duties, observe):
 
 
 def test_in_doubt_no_evasion_costs_an_escape(duties, observe):
-    manoeuvres = manoeuvres_for(duties, ROBOT)
-    evading, evasions = FilterInLoop(BEST, duties, ROBOT), 0
-    for ahead in np.arange(-6.0, 9.0, 0.5):
-        for aside in np.arange(3.4, 4.6, 0.1):
-            cars = [[ahead, 4.0 + aside, -0.1, 20.0], [25.0, 4.0, 0.0, 20.0], [-9.0, 0.4, 0.0, 22.0]]
-            seen, before = observe([0.0, 4.0, 0.0, 20.0], cars), evading.counts[WAS_EVADED]
-            control = evading.filter(seen, Control(0.0, 0.0)).control
-            if evading.counts[WAS_EVADED] == before:
-                continue
-            evasions += 1
-            others = np.column_stack([seen.x, seen.y, seen.speed])
-            minded = np.ones(len(others), np.bool_)
-            found = keep_escape(manoeuvres, seen.robot, others, minded, control.omega, control.acceleration, STEP, -1)
-            assert found[2] == ESCAPES
-    assert evasions > 5
+    draw, escape = np.random.default_rng(6), KeptEscape(duties, ROBOT, BEST.epsilon, STEP)
+    evaded_to, would_cost = 0, 0
+    for _ in range(1000):
+        cars = [[draw.uniform(-9.0, 9.0), 4.0 + draw.uniform(3.0, 4.6), -0.1, draw.uniform(15.0, 25.0)]]
+        cars += [[draw.uniform(-9.0, 9.0), 4.0 - draw.uniform(3.1, 3.8), 0.0, draw.uniform(15.0, 25.0)]]
+        seen = observe([0.0, 4.0, draw.uniform(-0.1, 0.1), 20.0], cars)
+        value, asked = car_values(duties, seen).value, Control(0.0, 0.0)
+        evasion = LastResort(ROBOT, ROAD, escape.games, escape.numbers, STEP).evasion(seen, asked)
+        if evasion is None or not evasion.is_in_doubt or not escape.leaves_one(seen, value, asked):
+            continue
+        would_cost += not escape.leaves_one(seen, value, evasion.control)
+        decision = FilterInLoop(BEST, duties, ROBOT).filter(seen, asked)
+        if decision.diagnostics.keys() & {WAS_EVADED, WAS_CAUGHT}:
+            evaded_to += 1
+            assert escape.leaves_one(seen, value, decision.control)
+    assert evaded_to > 5
+    assert would_cost > 5
+
+
+def test_a_manoeuvre_is_forgotten_when_nobody_breaks_a_duty_any_more(duties, observe):
+    escape, asked = KeptEscape(duties, ROBOT, BEST.epsilon, STEP), Control(0.0, 0.0)
+    scenes = [[[0.0, 8.4, -0.1, 20.0]], [[0.0, 8.4, 0.0, 20.0]], [[0.0, 8.6, -0.1, 20.0]]]
+    remembering, fresh = (LastResort(ROBOT, ROAD, escape.games, escape.numbers, STEP) for _ in range(2))
+    first, nobody, later = (remembering.evasion(observe([0.0, 4.0, 0.0, 20.0], cars), asked) for cars in scenes)
+    assert first is not None
+    assert nobody is None
+    # Who drives a manoeuvre already wants more room than the one who begins one.
+    assert later == fresh.evasion(observe([0.0, 4.0, 0.0, 20.0], scenes[2]), asked)
+    remembering.evasion(observe([0.0, 4.0, 0.0, 20.0], scenes[0]), asked)
+    assert remembering.evasion(observe([0.0, 4.0, 0.0, 20.0], scenes[2]), asked) != later
 
 
 def test_where_nobody_has_duties_nobody_breaks_one(table, observe):

@@ -37,6 +37,18 @@ def test_a_table_without_the_game_lets_the_adversary_in_and_a_driver_that_keeps_
     assert driver.entered < 0.5 * adversary.entered
 
 
+def test_who_does_not_do_the_duties_that_the_table_counts_on_enters_more_often(table):
+    parameters = {"responsible": 1.0, "brake_min": 6.0}
+    specification = table.specification.model_copy(update={"parameters": parameters})
+    dutiful = dataclasses.replace(table, specification=specification)
+    keeping = FilterSettings(keep_escape=True)
+    within, rogue = (report(dutiful, keeping, others=others, duration=4.0) for others in ("adversary", "rogue"))
+    assert rogue.entered > within.entered + 5
+    assert rogue.rollouts == within.rollouts
+    evading = report(dutiful, keeping.model_copy(update={"evade": True}), others="rogue", duration=4.0)
+    assert evading.collided < rogue.collided
+
+
 def test_every_entry_has_a_cause_and_no_more_collide_unturned_than_turned(table):
     found = report(table, desire="collide")
     assert set(found.causes) == set(CAUSES)
