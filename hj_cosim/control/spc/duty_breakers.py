@@ -5,18 +5,22 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from hj_cosim.control.spc.evasion import (
     ACCELERATION,
     ACROSS,
     ANSWERED,
     COLUMNS,
+    GAINING,
     HALF_ACROSS,
     HALF_ALONG,
+    HORIZON,
     REACH_ACROSS,
     REACH_ALONG,
     REACHES_ACROSS,
     REACHES_ALONG,
+    ROOM_ENOUGH,
     SPEED,
     Evader,
     Motion,
@@ -30,7 +34,10 @@ from hj_cosim.reachability.games.highway.paths import game_from
 from hj_cosim.reachability.table.size_classes import class_of, offsets_in_class
 from hj_cosim.scene.observation import Cars
 
+# s, with some to spare: a manoeuvre and what is held before it, and the part of it that gains speed.
+_LASTS, _GAINS = HORIZON + 0.1, GAINING + 0.2
 _FAR_ALONG, _FAR_ACROSS = 80.0, 12.0  # m between centres; who is farther counts for nothing
+_OF_EVADER = len(Evader._fields)
 _IN_LANE = 0.5  # m between two sides, up to which one follows the other
 
 
@@ -54,12 +61,28 @@ def breach_by(duties: Disturbance, p_x: float, p_y: float, robot: Motion, car: S
 
 
 @kernel
+def _stays_away(evader: Evader, robot: Motion, car: Seen, breaks: bool) -> bool:
+    """Return whether a car is so far ahead or behind that no manoeuvre makes it count: most of them are."""
+    gap = abs(car.x - robot.x) - 0.5 * (evader.length + evader.width + car.length + car.width) - ROOM_ENOUGH
+    gap -= 0.5 * REACH_ALONG * _LASTS * _LASTS if breaks else 0.0
+    if car.x < robot.x:
+        fastest = car.speed + max(car.acceleration, 0.0) * _LASTS
+        return gap > max(fastest - max(robot.speed + evader.acceleration_min * _LASTS, 0.0), 0.0) * _LASTS
+    fastest = robot.speed + evader.acceleration_max * _GAINS
+    slowest = max(car.speed + min(car.acceleration, 0.0) * _LASTS, 0.0)
+    braking = max(fastest * fastest - slowest * slowest, 0.0) / (-2.0 * evader.acceleration_min)
+    return gap > max(fastest - slowest, 0.0) * _LASTS + braking
+
+
+@kernel
 def write_car(evader: Evader, robot: Motion, car: Seen, breaks: bool, row: np.ndarray) -> bool:
     """Write what the evasion needs of a car, (COLUMNS,), and return whether it counts.
 
     Who follows in the robot's lane and breaks no duty does not: it brakes if the robot does. Nor does one whose body
-    is in the robot's already.
+    is in the robot's already, nor who stays away.
     """
+    if _stays_away(evader, robot, car, breaks):
+        return False
     along, across = car.x - robot.x, car.y - robot.y
     sine = math.sin(car.heading)
     turned, straight = abs(sine), math.cos(car.heading)
@@ -78,8 +101,8 @@ def write_car(evader: Evader, robot: Motion, car: Seen, breaks: bool, row: np.nd
 
 @njit(cache=True)
 def cars_to_evade(
-    evader: Evader,
-    robot: Motion,
+    evader_numbers: np.ndarray,
+    place: np.ndarray,
     cars: Cars,
     acceleration: np.ndarray,
     games: np.ndarray,
@@ -88,20 +111,26 @@ def cars_to_evade(
     """Return the cars that count, (n, COLUMNS), n = 0 where nobody breaks a duty, and the gravest breach.
 
     Args:
-        evader, robot: the robot.
+        evader_numbers: of the robot, an Evader's in their order; quickly handed over, as nobody else is.
+        place: (4,) p_x, p_y (m), θ (rad), v (m/s) of the robot.
         cars: the J cars.
         acceleration: (J,) m/s².
         games: (classes, n) of `Manoeuvres.games`.
         numbers: (classes, n) of `packed_escape`.
     """
+    evader = Evader(*to_fixed_tuple(evader_numbers, _OF_EVADER))
+    robot = Motion(place[0], place[1], place[2], place[3])
     breaches, gravest = np.zeros(len(cars.x), np.int64), DOES_DUTIES
+    known, duties = 0, game_from(games[0]).other
     for j in range(len(cars.x)):
         along, across = cars.x[j] - robot.x, cars.y[j] - robot.y
         if abs(along) > _FAR_ALONG or abs(across) > _FAR_ACROSS:
             continue
         kind = class_of(numbers, cars.length[j], cars.width[j])
         p_x, p_y = offsets_in_class(numbers, kind, -along, -across, cars.length[j], cars.width[j])
-        breaches[j] = breach_by(game_from(games[kind]).other, p_x, p_y, robot, _seen(cars, acceleration, j))
+        if kind != known:
+            known, duties = kind, game_from(games[kind]).other
+        breaches[j] = breach_by(duties, p_x, p_y, robot, _seen(cars, acceleration, j))
         gravest = max(gravest, breaches[j])
     if gravest == DOES_DUTIES:
         return np.empty((0, COLUMNS)), gravest

@@ -24,11 +24,11 @@ HORIZON, STEP = 3.0, 0.1  # s
 _INSTANTS = round(HORIZON / STEP)
 # m between the bodies that a manoeuvre must leave for a control to pass, and while one is driven already.
 SPARE, SPARE_DRIVEN = 0.2, 0.6
-_MOST_SPARE = 1.0  # m; more is no better
+ROOM_ENOUGH = 1.0  # m; more is no better
 REACH_ALONG, REACH_ACROSS = 3.0, 1.0  # m/s², by which who breaks a duty may do otherwise than now, either way
 HEADING = 0.3  # rad, the most that a shift turns to
 _SHARE_OF_TURNING = 0.8  # of the turning that there is, which a shift counts on to be straight in the end
-_GAINING = 1.0  # s, for which a manoeuvre accelerates
+GAINING = 1.0  # s, for which a manoeuvre accelerates
 _BETTER = 0.35  # of an outcome, by which another manoeuvre has to be better than the one that is driven
 _SHIFTS = (0.0, 1.0, -1.0, 2.0, -2.0, 3.6, -3.6)  # m
 _SLOWEST = 0.1  # m/s, below which a turn has no radius
@@ -147,13 +147,13 @@ def outcome(evader: Evader, start: Motion, held: Held, shift: Shift, cars: np.nd
         cars: (n, COLUMNS) of `write_car`.
         floor: once nothing above it is possible, something that is not above it is returned.
     """
-    at, time, spare, touched = start, 0.0, _MOST_SPARE, math.inf
+    at, time, spare, touched = start, 0.0, ROOM_ENOUGH, math.inf
     for instant in range(-1, _INSTANTS):
         if instant < 0:
             omega, acceleration, step = held.omega, held.acceleration, held.time
         else:
             omega, step = shifting_omega(evader, shift, at, STEP), STEP
-            acceleration = 0.0 if shift.acceleration > 0.0 and time > _GAINING else shift.acceleration
+            acceleration = 0.0 if shift.acceleration > 0.0 and time > GAINING else shift.acceleration
         at, time = _moved(evader, at, omega, acceleration, step), time + step
         for j in range(len(cars)):
             room = _room(evader, at, time, cars[j])
@@ -198,8 +198,9 @@ def evade(evader: Evader, start: Motion, cars: np.ndarray, asked: Held, driven: 
     enough = 2.0 * HORIZON + (SPARE_DRIVEN if driving else SPARE)
     if driving and outcome(evader, start, asked, driven, cars, enough) > enough:
         return asked, PASSED, NO_SHIFT
-    for which in range(_COUNT):
-        if outcome(evader, start, asked, _shift(evader, start, which), cars, enough) > enough:
+    for turn in range(_COUNT):  # those first that neither brake nor gain: mostly one of them is enough
+        shift = _shift(evader, start, (turn + 2 * len(_SHIFTS)) % _COUNT)
+        if outcome(evader, start, asked, shift, cars, enough) > enough:
             return asked, PASSED, NO_SHIFT
     best, most = NO_SHIFT, -1.0
     if driving:

@@ -7,6 +7,7 @@ import numpy as np
 from hj_cosim.control.spc.duty_breakers import cars_to_evade
 from hj_cosim.control.spc.evasion import CAUGHT, NO_SHIFT, PASSED, Evader, Held, Motion, evade
 from hj_cosim.reachability.games.highway.breach import BREAKS
+from hj_cosim.reachability.packing import packed
 from hj_cosim.scene.observation import Control, Observation
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import RobotSettings
@@ -37,32 +38,37 @@ class LastResort:
         self._robot, self._road, self._games, self._numbers, self._step = robot, road, games, numbers, step
         self._beside = 0.5 * robot.width + BESIDE_LINE
         self._evader = self._on_road(0.0) if road.is_straight else None
+        self._evader_numbers = packed(self._on_road(0.0))
         self._driven = NO_SHIFT
 
     def prepare(self, observation: Observation) -> None:
         """Compile what is driven with, and remember nothing of it."""
-        evader, robot = self._evader or self._on_road(float(observation.robot[0])), _motion(observation)
-        cars, _ = self._cars(evader, robot, observation)
-        evade(evader, robot, cars, Held(0.0, 0.0, self._step), NO_SHIFT)
+        evader = self._on_road_here(observation)
+        cars, _ = self._cars(evader, observation)
+        evade(evader, _motion(observation), cars, Held(0.0, 0.0, self._step), NO_SHIFT)
 
     def evasion(self, observation: Observation, asked: Control) -> Evasion | None:
         """Return what to do instead of what is asked for, None where that may pass."""
-        evader, robot = self._evader or self._on_road(float(observation.robot[0])), _motion(observation)
-        cars, gravest = self._cars(evader, robot, observation)
+        evader = self._on_road_here(observation)
+        cars, gravest = self._cars(evader, observation)
         if len(cars) == 0:
             self._driven = NO_SHIFT
             return None
         held = Held(asked.omega, asked.acceleration, self._step)
-        control, verdict, self._driven = evade(evader, robot, cars, held, self._driven)
+        control, verdict, self._driven = evade(evader, _motion(observation), cars, held, self._driven)
         if verdict == PASSED:
             return None
         return Evasion(Control(control.omega, control.acceleration), verdict == CAUGHT, gravest < BREAKS)
 
-    def _cars(self, evader: Evader, robot: Motion, observation: Observation) -> tuple[np.ndarray, int]:
+    def _cars(self, evader: Evader, observation: Observation) -> tuple[np.ndarray, int]:
+        numbers = self._evader_numbers if evader is self._evader else packed(evader)
         cars, gravest = cars_to_evade(
-            evader, robot, observation.cars, observation.acceleration, self._games, self._numbers
+            numbers, observation.robot, observation.cars, observation.acceleration, self._games, self._numbers
         )
         return cars, int(gravest)
+
+    def _on_road_here(self, observation: Observation) -> Evader:
+        return self._evader or self._on_road(float(observation.robot[0]))
 
     def _on_road(self, along: float) -> Evader:
         """Return the robot, with where its centre stays across the road."""

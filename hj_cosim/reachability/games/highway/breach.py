@@ -9,7 +9,7 @@ moment. Beyond doubt is only what it did not have the right to do a moment ago, 
 import math
 
 from hj_cosim.kernels import kernel
-from hj_cosim.reachability.games.highway.other_car import Disturbance, allowed
+from hj_cosim.reachability.games.highway.other_car import BESIDE, Disturbance, allowed
 
 DOES_DUTIES, WILL_BREAK, BREAKS = 0, 1, 2
 FORESIGHT = 0.7  # s
@@ -36,6 +36,11 @@ def breach(
     if not other.responsible:
         return DOES_DUTIES
     across = v_o * sine
+    comes_nearer = abs(across) > ACROSS and across * p_y > 0.0
+    bound = other.width + other.side_margin + BESIDE
+    # Who goes along beside or ahead has nothing to break; most cars are told apart here.
+    if not comes_nearer and (p_x < -DOUBT_ALONG or abs(p_y) > bound + DOUBT_ACROSS):
+        return DOES_DUTIES
     right, left, most = 0.0, 0.0, -math.inf  # the most that may have been allowed
     farther = p_x + math.copysign(DOUBT_ALONG, p_x)
     for x in (farther, -farther if abs(p_x) < DOUBT_ALONG else farther):
@@ -46,7 +51,7 @@ def breach(
         return BREAKS
     if gain > allowed(other, p_x, p_y, leftwards, v_r, v_o).most + ALONG:
         return WILL_BREAK
-    if abs(across) <= ACROSS or across * p_y <= 0.0:
+    if not comes_nearer:
         return DOES_DUTIES
     nearer = math.copysign(max(abs(p_y) - FORESIGHT * abs(across), 0.0), p_y)
     then = allowed(other, p_x, nearer, leftwards, v_r, v_o)
