@@ -124,7 +124,7 @@ def test_nowhere_to_go_is_said_and_the_longest_is_driven():
 
 
 def test_it_would_rather_be_run_into_than_run_into_somebody():
-    ahead, chaser = (14.0, 4.0, 0.0, 14.0, -6.0), (-7.0, 4.0, 0.0, 24.0, 4.0)
+    ahead, chaser = (14.0, 4.0, 0.0, 14.0, -6.0), (-9.0, 4.0, 0.0, 26.0, 0.0)
     both = np.vstack([rows(ahead, breaks=False), rows(chaser)])
     control, verdict, _ = evaded(both, evader=WALLED_IN)
     assert verdict == CAUGHT
@@ -237,3 +237,10 @@ def test_where_nobody_has_duties_nobody_breaks_one(table, observe):
     evading = FilterInLoop(BEST, table, ROBOT)
     evading.filter(observe([0.0, 4.0, 0.0, 20.0], [[1.0, 6.9, -0.1, 20.0]]), Control(0.0, 0.0))
     assert not evading.counts[WAS_EVADED] + evading.counts[WAS_CAUGHT]
+
+
+def test_who_follows_too_closely_and_as_fast_keeps_nobody_from_slowing_down():
+    tailgater = rows((-11.3, 4.0, 0.0, 20.0, 0.0), evader=WALLED_IN)
+    assert evaded(tailgater, evader=WALLED_IN, asked=(0.0, -2.0))[1] == PASSED
+    beside = rows((-11.3, 7.2, 0.0, 20.0, 0.0), evader=WALLED_IN)  # who may come over, with all that it can
+    assert tailgater[0, 7] == 0.0 < beside[0, 7]

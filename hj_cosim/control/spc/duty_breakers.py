@@ -94,7 +94,9 @@ def write_car(evader: Evader, robot: Motion, car: Seen, breaks: bool, row: np.nd
         return False
     row[X], row[Y], row[SPEED], row[ACCELERATION] = car.x, car.y, car.speed, car.acceleration
     row[ACROSS], row[HALF_ALONG], row[HALF_ACROSS] = car.speed * sine, half_along, half_across
-    row[REACHES_ALONG], row[REACHES_ACROSS] = (0.5 * REACH_ALONG, 0.5 * REACH_ACROSS) if breaks else (0.0, 0.0)
+    follows = along < 0.0 and beside < _IN_LANE
+    row[REACHES_ALONG] = 0.5 * REACH_ALONG if breaks and not follows else 0.0
+    row[REACHES_ACROSS] = 0.5 * REACH_ACROSS if breaks else 0.0
     row[ANSWERED] = 1.0 if not breaks or (along > 0.0 and apart > 0.0) else 0.0
     return True
 
