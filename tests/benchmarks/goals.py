@@ -37,6 +37,8 @@ GOALS: Mapping[str, Goal] = {
     "filter tail": Goal("a filter step, 100 cars, 99 %", 150.0, "µs", beside="qpsolvers with daqp alone"),
     "filter sizes median": Goal("the same with 3 size classes, median", 60.0, "µs", beside="as above"),
     "filter sizes tail": Goal("the same with 3 size classes, 99 %", 150.0, "µs", beside="as above"),
+    "filter bend median": Goal("the same on a bend, median", 60.0, "µs", beside="as above"),
+    "filter bend tail": Goal("the same on a bend, 99 %", 150.0, "µs", beside="as above"),
     "planner 11": Goal("planner, 11 cars in the tree", 200_000.0, "expansions/s", True, "rl-agents, elsewhere"),
     "planner 100": Goal("planner, 100 cars in the tree", 40_000.0, "expansions/s", True, "rl-agents, elsewhere"),
     "episode": Goal("an episode of `paper`, 30 s, 100 cars", 0.45, "s", beside="SUMO's steps of it"),

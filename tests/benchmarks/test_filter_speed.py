@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import qpsolvers
+from bent_roads import circle
 from filter_in_loop import FilterInLoop
 
 from hj_cosim.control.problem.enumeration import least_cost_control
@@ -103,13 +104,16 @@ def test_filter_step(benchmark, row, table, tables):
         intervening = np.array([result.constrained for result in results[50:]])
         busy = taken[intervening] if intervening.any() else taken
         lines.append((name, np.median(taken), np.quantile(taken, 0.99), np.median(busy), 100 * intervening.mean()))
+    four_lanes = {"lane_count": 4, "lane_width": 4.0, "reference_lane": 3, "lanes_there": np.array([4])}
+    bend = FilterInLoop(best, table, robot, circle(500.0, 2000.0, **four_lanes))
     sized, among_trucks = FilterInLoop(best, tables, robot), [with_trucks(scene) for scene in scenes]
-    for name, seen in (
-        ("best, tables of 3 sizes, cars", scenes),
-        ("best, 3 sizes, 1 in 7 a truck", among_trucks),
+    for name, chosen, seen in (
+        ("best, on a bend of 500 m", bend, scenes),
+        ("best, tables of 3 sizes, cars", sized, scenes),
+        ("best, 3 sizes, 1 in 7 a truck", sized, among_trucks),
     ):
         results = []
-        taken = durations(lambda scene, r=results: r.append(sized.filter(scene, DESIRED)), seen)
+        taken = durations(lambda scene, f=chosen, r=results: r.append(f.filter(scene, DESIRED)), seen)
         intervening = np.array([result.constrained for result in results[50:]])
         lines.append(
             (name, np.median(taken), np.quantile(taken, 0.99), np.median(taken[intervening]), 100 * intervening.mean())
@@ -127,7 +131,11 @@ def test_filter_step(benchmark, row, table, tables):
     print(
         f"\n{'a step with 100 cars':30s}{'median µs':>12s}{'p99 µs':>10s}{'intervening µs':>16s}{'intervening %':>15s}"
     )
-    for name, median, tail in (("filter", *lines[0][1:3]), ("filter sizes", *lines[-1][1:3])):
+    for name, median, tail in (
+        ("filter", *lines[0][1:3]),
+        ("filter bend", *lines[-3][1:3]),
+        ("filter sizes", *lines[-1][1:3]),
+    ):
         row(f"{name} median", median, np.median(floor))
         row(f"{name} tail", tail, np.quantile(floor, 0.99))
     for name, median, tail, busy, share in lines:
