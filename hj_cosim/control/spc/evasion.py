@@ -92,6 +92,13 @@ class Motion(NamedTuple):
     speed: float  # m/s
 
 
+class Extent(NamedTuple):
+    """Half of what its body, turned as it is, takes along and across the road, m."""
+
+    along: float
+    across: float
+
+
 NO_SHIFT = Shift(math.nan, 0.0)
 _AT_ONCE = Held(0.0, 0.0, 0.0)
 
@@ -115,17 +122,23 @@ def _moved(evader: Evader, at: Motion, omega: float, acceleration: float, step: 
 
 
 @kernel
-def _room(evader: Evader, at: Motion, time: float, car: np.ndarray) -> float:
+def _extent(evader: Evader, heading: float) -> Extent:
+    """Return the robot's extent at a heading."""
+    sin, cos = abs(math.sin(heading)), math.cos(heading)
+    return Extent(0.5 * (evader.length * cos + evader.width * sin), 0.5 * (evader.width * cos + evader.length * sin))
+
+
+@kernel
+def _room(evader: Evader, at: Motion, extent: Extent, time: float, car: np.ndarray) -> float:
     """Return what is between the robot and wherever a car may be at a time, m; at most 0 where they may touch.
 
     Behind one that it answers for, what it needs to stop in that one's stead counts as taken.
     """
-    sin, cos = abs(math.sin(at.heading)), math.cos(at.heading)
     moving = min(time, -car[SPEED] / car[ACCELERATION]) if car[ACCELERATION] < 0.0 else time
     along = car[X] + (car[SPEED] + 0.5 * car[ACCELERATION] * moving) * moving - at.x
     across = car[Y] + car[ACROSS] * time - at.y
-    lengthwise = abs(along) - 0.5 * (evader.length * cos + evader.width * sin) - car[HALF_ALONG]
-    sideways = abs(across) - 0.5 * (evader.width * cos + evader.length * sin) - car[HALF_ACROSS]
+    lengthwise = abs(along) - extent.along - car[HALF_ALONG]
+    sideways = abs(across) - extent.across - car[HALF_ACROSS]
     if car[ANSWERED] > 0.0 and along > 0.0:
         ahead = max(car[SPEED] + car[ACCELERATION] * moving, 0.0)
         lengthwise -= max(at.speed * at.speed - ahead * ahead, 0.0) / (-2.0 * evader.acceleration_min)
@@ -155,8 +168,9 @@ def outcome(evader: Evader, start: Motion, held: Held, shift: Shift, cars: np.nd
             omega, step = shifting_omega(evader, shift, at, STEP), STEP
             acceleration = 0.0 if shift.acceleration > 0.0 and time > GAINING else shift.acceleration
         at, time = _moved(evader, at, omega, acceleration, step), time + step
+        extent = _extent(evader, at.heading)
         for j in range(len(cars)):
-            room = _room(evader, at, time, cars[j])
+            room = _room(evader, at, extent, time, cars[j])
             if room <= 0.0 and cars[j, ANSWERED] > 0.0:
                 return time
             spare = min(spare, room)
