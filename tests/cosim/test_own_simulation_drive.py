@@ -105,6 +105,13 @@ def test_a_scenario_may_have_a_simulation_beside_it(theirs):
         resolve_config(scenario)
 
 
+def test_who_breaks_a_duty_is_evaded_there_only_if_that_is_asked_for(theirs):
+    assert not resolve_config(theirs).filter.evade
+    assert resolve_config(theirs, assignments=["filter.evade=true"]).filter.evade
+    assert resolve_config("paper").filter.evade
+    assert not resolve_config("paper", preset="paper").filter.evade
+
+
 def test_near_is_recorded_unless_all_is_asked_for_and_the_robot_drives_the_same(
     call, theirs, small_specification, tmp_path
 ):
