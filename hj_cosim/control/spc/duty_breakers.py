@@ -103,7 +103,7 @@ def write_car(evader: Evader, robot: Motion, car: Seen, breaks: bool, row: np.nd
 
 @njit(cache=True)
 def cars_to_evade(
-    evader_numbers: np.ndarray,
+    packed_evader: np.ndarray,
     place: np.ndarray,
     cars: Cars,
     acceleration: np.ndarray,
@@ -113,14 +113,14 @@ def cars_to_evade(
     """Return the cars that count, (n, COLUMNS), n = 0 where nobody breaks a duty, and the gravest breach.
 
     Args:
-        evader_numbers: of the robot, an Evader's in their order; quickly handed over, as nobody else is.
+        packed_evader: of the robot, an Evader's in their order; quickly handed over, as nobody else is.
         place: (4,) p_x, p_y (m), θ (rad), v (m/s) of the robot.
         cars: the J cars.
         acceleration: (J,) m/s².
         games: (classes, n) of `Manoeuvres.games`.
         numbers: (classes, n) of `packed_escape`.
     """
-    evader = Evader(*to_fixed_tuple(evader_numbers, _OF_EVADER))
+    evader = Evader(*to_fixed_tuple(packed_evader, _OF_EVADER))
     robot = Motion(place[0], place[1], place[2], place[3])
     breaches, gravest = np.zeros(len(cars.x), np.int64), DOES_DUTIES
     known, duties = 0, game_from(games[0]).other

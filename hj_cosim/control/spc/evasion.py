@@ -92,7 +92,7 @@ class Motion(NamedTuple):
     speed: float  # m/s
 
 
-class Extent(NamedTuple):
+class Footprint(NamedTuple):
     """Half of what its body, turned as it is, takes along and across the road, m."""
 
     along: float
@@ -122,14 +122,14 @@ def _moved(evader: Evader, at: Motion, omega: float, acceleration: float, step: 
 
 
 @kernel
-def _extent(evader: Evader, heading: float) -> Extent:
-    """Return the robot's extent at a heading."""
+def _footprint(evader: Evader, heading: float) -> Footprint:
+    """Return the robot's footprint at a heading."""
     sin, cos = abs(math.sin(heading)), math.cos(heading)
-    return Extent(0.5 * (evader.length * cos + evader.width * sin), 0.5 * (evader.width * cos + evader.length * sin))
+    return Footprint(0.5 * (evader.length * cos + evader.width * sin), 0.5 * (evader.width * cos + evader.length * sin))
 
 
 @kernel
-def _room(evader: Evader, at: Motion, extent: Extent, time: float, car: np.ndarray) -> float:
+def _room(evader: Evader, at: Motion, footprint: Footprint, time: float, car: np.ndarray) -> float:
     """Return what is between the robot and wherever a car may be at a time, m; at most 0 where they may touch.
 
     Behind one that it answers for, what it needs to stop in that one's stead counts as taken.
@@ -137,8 +137,8 @@ def _room(evader: Evader, at: Motion, extent: Extent, time: float, car: np.ndarr
     moving = min(time, -car[SPEED] / car[ACCELERATION]) if car[ACCELERATION] < 0.0 else time
     along = car[X] + (car[SPEED] + 0.5 * car[ACCELERATION] * moving) * moving - at.x
     across = car[Y] + car[ACROSS] * time - at.y
-    lengthwise = abs(along) - extent.along - car[HALF_ALONG]
-    sideways = abs(across) - extent.across - car[HALF_ACROSS]
+    lengthwise = abs(along) - footprint.along - car[HALF_ALONG]
+    sideways = abs(across) - footprint.across - car[HALF_ACROSS]
     if car[ANSWERED] > 0.0 and along > 0.0:
         ahead = max(car[SPEED] + car[ACCELERATION] * moving, 0.0)
         lengthwise -= max(at.speed * at.speed - ahead * ahead, 0.0) / (-2.0 * evader.acceleration_min)
@@ -168,9 +168,9 @@ def outcome(evader: Evader, start: Motion, held: Held, shift: Shift, cars: np.nd
             omega, step = shifting_omega(evader, shift, at, STEP), STEP
             acceleration = 0.0 if shift.acceleration > 0.0 and time > GAINING else shift.acceleration
         at, time = _moved(evader, at, omega, acceleration, step), time + step
-        extent = _extent(evader, at.heading)
+        footprint = _footprint(evader, at.heading)
         for j in range(len(cars)):
-            room = _room(evader, at, extent, time, cars[j])
+            room = _room(evader, at, footprint, time, cars[j])
             if room <= 0.0 and cars[j, ANSWERED] > 0.0:
                 return time
             spare = min(spare, room)

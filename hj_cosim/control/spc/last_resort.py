@@ -37,20 +37,17 @@ class LastResort:
     def __init__(self, robot: RobotSettings, road: Road, games: np.ndarray, numbers: np.ndarray, step: float) -> None:
         self._robot, self._road, self._games, self._numbers, self._step = robot, road, games, numbers, step
         self._beside = 0.5 * robot.width + BESIDE_LINE
-        self._evader = self._on_road(0.0) if road.is_straight else None
-        self._evader_numbers = packed(self._on_road(0.0))
+        self._everywhere = self._evader_at(0.0) if road.is_straight else None
         self._driven = NO_SHIFT
 
     def prepare(self, observation: Observation) -> None:
         """Compile what is driven with, and remember nothing of it."""
-        evader = self._on_road_here(observation)
-        cars, _ = self._cars(evader, observation)
+        evader, cars, _ = self._seen(observation)
         evade(evader, _motion(observation), cars, Held(0.0, 0.0, self._step), NO_SHIFT)
 
     def evasion(self, observation: Observation, asked: Control) -> Evasion | None:
         """Return what to do instead of what is asked for, None where that may pass."""
-        evader = self._on_road_here(observation)
-        cars, gravest = self._cars(evader, observation)
+        evader, cars, gravest = self._seen(observation)
         if len(cars) == 0:
             self._driven = NO_SHIFT
             return None
@@ -60,20 +57,19 @@ class LastResort:
             return None
         return Evasion(Control(control.omega, control.acceleration), verdict == CAUGHT, gravest < BREAKS)
 
-    def _cars(self, evader: Evader, observation: Observation) -> tuple[np.ndarray, int]:
-        numbers = self._evader_numbers if evader is self._evader else packed(evader)
+    def _seen(self, observation: Observation) -> tuple[Evader, np.ndarray, int]:
+        """Return the robot, the cars that count, and the gravest breach, as of `cars_to_evade`."""
+        evader, packed_evader = self._everywhere or self._evader_at(float(observation.robot[0]))
         cars, gravest = cars_to_evade(
-            numbers, observation.robot, observation.cars, observation.acceleration, self._games, self._numbers
+            packed_evader, observation.robot, observation.cars, observation.acceleration, self._games, self._numbers
         )
-        return cars, int(gravest)
+        return evader, cars, int(gravest)
 
-    def _on_road_here(self, observation: Observation) -> Evader:
-        return self._evader or self._on_road(float(observation.robot[0]))
-
-    def _on_road(self, along: float) -> Evader:
-        """Return the robot, with where its centre stays across the road."""
+    def _evader_at(self, along: float) -> tuple[Evader, np.ndarray]:
+        """Return the robot with where its centre stays across the road, and the same packed."""
         lines = self._road.lane_lines(along)
-        return Evader.of(self._robot, float(lines[0]) + self._beside, float(lines[-1]) - self._beside)
+        evader = Evader.of(self._robot, float(lines[0]) + self._beside, float(lines[-1]) - self._beside)
+        return evader, packed(evader)
 
 
 def _motion(observation: Observation) -> Motion:
