@@ -244,3 +244,10 @@ def test_who_follows_too_closely_and_as_fast_keeps_nobody_from_slowing_down():
     assert evaded(tailgater, evader=WALLED_IN, asked=(0.0, -2.0))[1] == PASSED
     beside = rows((-11.3, 7.2, 0.0, 20.0, 0.0), evader=WALLED_IN)  # who may come over, with all that it can
     assert tailgater[0, 7] == 0.0 < beside[0, 7]
+
+
+def test_a_manoeuvre_gains_speed_for_a_second():
+    # After it 24 m/s behind 20: of a gap of 35 m, 10 m are driven off in 3 s and 14.7 are needed to brake; with 32 m/s
+    # there would be 17 and 52.
+    ahead = rows((40.0, 4.0, 0.0, 20.0, 0.0), breaks=False)
+    assert outcome(ON_ROAD, AT, Held(0.0, 0.0, 0.0), Shift(4.0, 4.0), ahead, -1.0) > 2.0 * HORIZON
