@@ -13,7 +13,7 @@ def test_check_searches_as_often_as_it_is_told_and_prints_what_it_found(call, sm
 
 
 def test_a_bicycle_is_searched_for_as_such(call, small_specification):
-    options = ("--games", 3, "--desired", "steering_at_the_car", "--json")
+    options = ("--games", 1, "--desired", "steering_at_the_car", "--json")
     reports = [json.loads(call("check", small_specification, *options, *more)[1]) for more in ((), ("--bicycle",))]
     plain, bicycle = (report["steering_at_the_car"] for report in reports)
     assert (plain["settings"]["bicycle"], bicycle["settings"]["bicycle"]) == (False, True)

@@ -10,9 +10,14 @@ from hj_cosim.reachability.table.store import load_table, solve_table
 from hj_cosim.settings import TableSpecification
 
 
-def test_a_cap_takes_from_a_table_what_no_manoeuvre_guarantees_and_nothing_else(small_table):
+@pytest.fixture(scope="module")
+def found(small_table):
+    """The coarse table's values, capped."""
+    return capped(small_table.values, small_table.grid, small_table.parameters)
+
+
+def test_a_cap_takes_from_a_table_what_no_manoeuvre_guarantees_and_nothing_else(small_table, found):
     parameters, grid = small_table.parameters, small_table.grid
-    found = capped(small_table.values, grid, parameters)
     assert (found <= small_table.values).all()
     points = np.stack(np.meshgrid(*grid.axes, indexing="ij"), axis=-1).reshape(-1, 5)
     chosen = np.random.default_rng(5).choice(len(points), 5000, replace=False)
@@ -27,8 +32,9 @@ def test_a_cap_takes_from_a_table_what_no_manoeuvre_guarantees_and_nothing_else(
     assert np.mean(caps[sure] == values[sure]) > 0.9
 
 
-def test_a_capped_table_promises_no_more_than_manoeuvres_guarantee_between_two_speeds_of_the_other_car(small_table):
-    found = capped(small_table.values, small_table.grid, small_table.parameters)
+def test_a_capped_table_promises_no_more_than_manoeuvres_guarantee_between_two_speeds_of_the_other_car(
+    small_table, found
+):
     axes = list(small_table.grid.axes)
     axes[4] = 0.5 * (axes[4][1:] + axes[4][:-1])
     states = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 5)
@@ -41,10 +47,9 @@ def test_a_capped_table_promises_no_more_than_manoeuvres_guarantee_between_two_s
     assert (bare - bounds)[near].max() > 5.0
 
 
-def test_a_capped_specification_gives_a_capped_table(small_table):
+def test_a_capped_specification_gives_a_capped_table(small_table, found):
     specification = small_table.specification.model_copy(update={"capped_by_manoeuvres": True, "margin": 0.25})
-    expected = capped(small_table.values, small_table.grid, small_table.parameters) - np.float32(0.25)
-    np.testing.assert_array_equal(solve_table(specification).values, expected)
+    np.testing.assert_array_equal(solve_table(specification).values, found - np.float32(0.25))
 
 
 def test_only_the_highway_game_can_be_capped(braking: TableSpecification):

@@ -136,7 +136,7 @@ def test_driving_the_best_manoeuvre_loses_nothing_whatever_the_other_car_does(sm
 
 def test_the_least_of_a_line_and_a_cubic_is_exact():
     generator = np.random.default_rng(6)
-    count = 100_000
+    count = 20_000
     along = generator.normal(0.0, 1.0, (count, 2)) * generator.choice([0.01, 1.0, 30.0], (count, 1))
     across = generator.normal(0.0, 1.0, (count, 2)) * generator.choice([1e-3, 0.1, 1.0, 4.0], (count, 1))
     shares = np.linspace(0.0, 1.0, 201)

@@ -67,7 +67,7 @@ HARMFUL: dict[str, tuple[str, Callable[[Members], bytes], str]] = {
     "a header of a million times a million": ("values.npy", lambda m: only_header((10**6, 10**6)), "of shape"),
     "a header of more than memory can be": ("values.npy", lambda m: only_header((2**62, 8)), "of shape"),
     "a negative shape": ("values.npy", lambda m: only_header((-21, -11)), "of shape"),
-    "a gigabyte of zeros": ("values.npy", lambda m: npy(np.zeros(2**28, np.float32)), "of shape"),
+    "128 megabytes of zeros": ("values.npy", lambda m: npy(np.zeros(2**25, np.float32)), "of shape"),
     "the right header and more": ("values.npy", lambda m: m["values.npy"] + bytes(2**26), "bytes, which shape"),
     "the right header and less": ("values.npy", lambda m: m["values.npy"][:-8], "bytes, which shape"),
     "another type": ("values.npy", lambda m: npy(values_of(m).astype(np.float64)), "float64"),

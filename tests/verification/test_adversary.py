@@ -28,9 +28,10 @@ def played(table, desired, choices, start, spc=KEEPING, samples=150):
 
 
 def test_the_same_seed_gives_the_same_report_however_many_threads(small_table):
-    once = search(small_table)
-    assert search_adversary(small_table, FEW, KEEPING, workers=1) == once
-    assert search(small_table, seed=2) != once
+    short = dataclasses.replace(FEW, duration=0.6)
+    once = search_adversary(small_table, short, KEEPING)
+    assert search_adversary(small_table, short, KEEPING, workers=1) == once
+    assert search_adversary(small_table, dataclasses.replace(short, seed=2), KEEPING) != once
 
 
 def test_a_search_hits_more_often_than_as_many_draws(small_table):
@@ -95,7 +96,8 @@ def test_every_desired_control_is_searched_and_reported(small_table):
         assert 0.0 <= report.fall_median <= report.fall_p90 <= report.fall_p99 <= report.fall_max
 
 
-def test_what_cannot_be_searched_is_refused(small_table):
+def test_what_cannot_be_searched_is_refused(small_table, monkeypatch):
+    monkeypatch.setattr("hj_cosim.verification.adversary._ROUNDS", 2)
     with pytest.raises(ConfigurationError, match="elite = 20"):
         search(small_table, elite=20)
     with pytest.raises(ConfigurationError, match="of the table have"):
