@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -19,6 +20,15 @@ def lend_kernels(installed):
         for kernel in (source.parent / "__pycache__").glob(f"{source.stem}.*.nb[ic]"):
             place.parent.joinpath("__pycache__").mkdir(exist_ok=True)
             shutil.copy(kernel, place.parent / "__pycache__")
+
+
+def lend_bytecode(libraries):
+    """Copy what Python has compiled here of the same libraries; it checks by time and size that they are the same."""
+    ours = Path(sysconfig.get_path("purelib"))
+    for cache in ours.rglob("__pycache__"):
+        place = libraries / cache.relative_to(ours)
+        if place.parent.is_dir() and not place.exists():
+            shutil.copytree(cache, place)
 
 
 def test_wheel_in_an_empty_environment_drives_from_an_empty_folder(tmp_path, small_specification, small_table):
@@ -39,8 +49,10 @@ def test_wheel_in_an_empty_environment_drives_from_an_empty_folder(tmp_path, sma
     run(uv, "venv", "--quiet", "--python", sys.executable, environment)
     run(uv, "pip", "install", "--quiet", "--python", python, "--constraint", REPOSITORY / "constraints.txt", wheel)
 
-    # Compiling them anew would take longer than all the rest, and is what every other test does in a fresh clone.
-    lend_kernels(next(environment.glob("lib/python*/site-packages/hj_cosim")))
+    # Compiling all anew would take longer than all the rest, and is what every other test does in a fresh clone.
+    (libraries,) = environment.glob("lib/python*/site-packages")
+    lend_kernels(libraries / "hj_cosim")
+    lend_bytecode(libraries)
     command = environment / "bin" / "hj-cosim"
     assert {"paper", "dense"} <= {row["name"] for row in json.loads(run(command, "scenarios", "--json"))}
     options = ("--duration", 2, "--planner", "idle", "--table", small_specification, "--json")

@@ -25,6 +25,7 @@ def run_folder(small_specification, tmp_path_factory):
         small_specification,
         "--out",
         folder,
+        "--no-figures",
         "--json",
     ]
     done = subprocess.run(
@@ -36,7 +37,7 @@ def run_folder(small_specification, tmp_path_factory):
 
 def test_same_seed_in_another_process_writes_the_same_bytes(call, run_folder, small_specification, tmp_path):
     again, other = tmp_path / "again", tmp_path / "other"
-    options = ("--duration", 1, "--table", small_specification)
+    options = ("--duration", 1, "--table", small_specification, "--no-figures")
     assert call("run", "light", "--seed", 3, *options, "--out", again)[0] == 0
     assert call("run", "light", "--seed", 4, *options, "--out", other)[0] == 0
     for name in ("trajectories.parquet", "robot.parquet"):
@@ -49,7 +50,7 @@ def test_summary_is_a_table_for_people_and_json_for_scripts(call, small_specific
     status, out, _ = call(*options, "--out", tmp_path / "a")
     assert status == 0
     assert "mean speed" in out
-    status, out, _ = call(*options, "--out", tmp_path / "b", "--json")
+    status, out, _ = call(*options, "--out", tmp_path / "b", "--no-figures", "--json")
     summary = json.loads(out)
     assert (status, summary["planner"], summary["filter"], summary["samples"]) == (0, "idle", "none", 50)
 
@@ -88,7 +89,7 @@ def test_printed_template_is_a_scenario_that_runs(call, small_specification, tmp
     status, template, _ = call("scenarios", "--template")
     mine = tmp_path / "mine.toml"
     mine.write_text(template)
-    options = ("--duration", 0.1, "--table", small_specification, "--out", tmp_path / "run")
+    options = ("--duration", 0.1, "--table", small_specification, "--no-figures", "--out", tmp_path / "run")
     assert (status, call("run", mine, *options)[0]) == (0, 0)
 
 

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from in_this_process import InThisProcess
 from rich.console import Console
 
 from hj_cosim.cli import console, study_table
@@ -28,6 +29,7 @@ def study(call, synthetic, monkeypatch):
     """Return a function that calls `hj-cosim study`, whose episodes are driven by a function of synthetic_episodes."""
     module = importlib.import_module("hj_cosim.study.study")
     monkeypatch.setattr(module, "load_tables", lambda name, sizes, progress, *, robot: None)
+    monkeypatch.setattr("hj_cosim.study.engines.LocalWorkers", lambda *_: InThisProcess())
 
     def call_it(*arguments, way="drive"):
         monkeypatch.setattr(module, "drive_episode", getattr(synthetic, way))

@@ -39,7 +39,7 @@ def test_the_readme_s_command_drives_the_readme_s_file(case, call, small_specifi
     command, name, content = case
     monkeypatch.chdir(tmp_path)
     (tmp_path / name).write_text(content)
-    short = ("--duration", 1, "--table", small_specification, "--out", tmp_path / "run", "--json")
+    short = ("--duration", 1, "--table", small_specification, "--no-figures", "--out", tmp_path / "run", "--json")
     status, _, said = call(*command, *short)
     assert status == 0, said
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())

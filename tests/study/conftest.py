@@ -46,6 +46,12 @@ def study_folder(tmp_path: Path) -> Callable[..., StudyFolder]:
     return lambda name, **given: StudyFolder.of(tmp_path / name, new_study({**FOUR_OF_TWO, **given}))
 
 
+@pytest.fixture
+def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Conduct without drawing, which takes longer than all the rest."""
+    monkeypatch.setattr("hj_cosim.study.study.draw_figures", lambda *_: None)
+
+
 @pytest.fixture(scope="session")
 def conducted() -> dict[str, Study]:
     """Studies that the tests here have in common, by what was asked for: half of conducting one is its pictures."""
@@ -58,6 +64,7 @@ def conduct_synthetic(
     study_folder: Callable[..., StudyFolder],
     conducted: dict[str, Study],
     tmp_path: Path,
+    request: pytest.FixtureRequest,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Callable[..., Study]:
     """Conduct a study of synthetic episodes, new or resumed; keyword arguments are fields of its request.
@@ -81,7 +88,9 @@ def conduct_synthetic(
         place = tmp_path / name
         folder = StudyFolder.of(place, resumed_study(place, given)) if resume else study_folder(name, **given)
         is_usual = (engine, version, function, progress, watch) == (None, "1.0", synthetic.drive, None, None)
-        asked = repr(given) if is_usual and not place.exists() else None
+        asked = None
+        if is_usual and not place.exists() and "without_figures" not in request.fixturenames:
+            asked = repr(given)
         if asked in conducted:
             shutil.copytree(conducted[asked].folder, place)
             return replace(conducted[asked], folder=place)

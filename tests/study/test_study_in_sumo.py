@@ -62,8 +62,8 @@ def test_every_file_is_the_same_in_this_process_for_two_workers_killed_and_for_t
         time.sleep(0.01)
     process.kill()
     process.wait()
-    # From another folder, and with nothing but the study's: the command that the README has.
-    again = [sys.executable, "-m", "hj_cosim", "study", "--resume", "--out", str(killed)]
+    # From another folder, and with nothing but the study's: the command that the README has, by one worker.
+    again = [sys.executable, "-m", "hj_cosim", "study", "--resume", "--out", str(killed), "--workers", "1"]
     path = os.pathsep.join(filter(None, [str(Path.cwd()), *sys.path]))
     done = subprocess.run(
         again, cwd=tmp_path, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False
@@ -86,24 +86,26 @@ def test_a_study_may_keep_the_robot_alone(few_cars, in_this_process, monkeypatch
 
 @pytest.fixture
 def conduct_in_sumo(few_cars, small_specification, tmp_path):
-    """Return a function that conducts a study of four episodes of a robot that keeps its lane, by one worker."""
+    """Return a function that conducts a study of four episodes of a robot that keeps its lane, by one worker or else."""
     scenario, settings = few_cars
     given = {"scenarios": (scenario,), "episodes": 4, "stacks": ("idle-none",), "set": settings}
     place = tmp_path / "study"
 
-    def conduct_it(function, resume=False):
+    def conduct_it(function, engine=None, resume=False):
         folder = StudyFolder.of(place, resumed_study(place, {}) if resume else new_study(given))
         folder.begin({"hj-cosim": "1.0"}, resume=resume)
         tables = {}
         for key, config in folder.tables.items():
             load_table(config.table, robot=config.robot)
             tables[key] = (kept_table(config.table, config.robot),)
-        return conduct(folder, LocalWorkers(1), function=function, tables=tables)
+        return conduct(folder, engine or LocalWorkers(1), function=function, tables=tables)
 
     return conduct_it
 
 
-def test_failures_of_sumo_are_reported_with_their_logs_and_the_others_go_on(conduct_in_sumo, monkeypatch):
+def test_failures_of_sumo_are_reported_with_their_logs_and_the_others_go_on(
+    conduct_in_sumo, in_this_process, monkeypatch
+):
     """SUMO is one per process and stays broken: the episodes after the unlucky ones must not suffer from it."""
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
     episodes = importlib.import_module("episodes_in_sumo")
@@ -114,5 +116,5 @@ def test_failures_of_sumo_are_reported_with_their_logs_and_the_others_go_on(cond
     }
     assert all("SUMO said something last" in failure.log.read_text() for failure in study.failures)
     assert (list(study.table["episodes"]), list(study.table["missing"])) == ([2], [2])
-    resumed = conduct_in_sumo(drive_episode, resume=True)
+    resumed = conduct_in_sumo(drive_episode, in_this_process, resume=True)
     assert (resumed.failures, list(resumed.table["missing"])) == ((), [0])
