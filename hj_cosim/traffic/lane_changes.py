@@ -58,5 +58,6 @@ def wanted_lanes(order: np.ndarray, deciding: np.ndarray, cars: DrivingCars, usa
         usable[order],
     )
     result = np.empty_like(cars.lane)
-    result[order] = wanted
+    for place in range(len(order)):  # `result[order] = wanted` would take 2 s more to compile
+        result[order[place]] = wanted[place]
     return result

@@ -169,13 +169,15 @@ def roll_out_choices(game: Game, search: Search, start: np.ndarray, choices: np.
         car[2] = end
         if search.bicycle:
             steering = steering_for(omega, robot[3], game.wheelbase)
-            robot[:] = bicycle_step(robot, steering, acceleration, game.wheelbase, game.bounds[3], game.step)
+            moved = bicycle_step(robot, steering, acceleration, game.wheelbase, game.bounds[3], game.step)
+            for axis in range(4):  # `robot[:] = moved` would take 2 s more to compile
+                robot[axis] = moved[axis]
         else:
             game_step(robot, omega, acceleration, game.bounds[3], game.step)
     return Outcome(least_target, least_value, collided, without_escape)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _search_game(game: Game, search: Search, start: np.ndarray, normals: np.ndarray, found: np.ndarray) -> None:
     shape = (search.segments, INPUTS)
     mean, deviation = np.zeros(shape), np.full(shape, _DEVIATION)
@@ -208,9 +210,8 @@ def _search_game(game: Game, search: Search, start: np.ndarray, normals: np.ndar
                 deviation[segment, which] = max(spread, _LEAST_DEVIATION)
 
 
-@njit(cache=True, nogil=True)
 def search_games(game: Game, search: Search, starts: np.ndarray, normals: np.ndarray, found: np.ndarray) -> None:
-    """Search for the worst of each game, by the cross-entropy method.
+    """Search for the worst of each game, by the cross-entropy method. Python calls them: each takes a while.
 
     Args:
         game, search: what does not change.

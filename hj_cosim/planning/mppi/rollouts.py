@@ -63,7 +63,8 @@ def held(controls: np.ndarray, speed: float, robot: RobotModel) -> tuple[float, 
 @njit(cache=True, error_model="numpy")
 def drive(state: np.ndarray, controls: np.ndarray, path: np.ndarray, robot: RobotModel, step: float) -> None:
     """Write the states (T + 1, 4) that controls (T, 2) lead to, held to what the robot can; `controls` is held too."""
-    path[0] = state
+    for axis in range(4):  # `path[0] = state` would take 3 s more to compile
+        path[0, axis] = state[axis]
     for instant in range(len(controls)):
         _advance(path, controls, instant, robot, step)
 
@@ -95,7 +96,8 @@ def drive_shielded(
         tables: V.
         shield: what is kept.
     """
-    path[0] = state
+    for axis in range(4):
+        path[0, axis] = state[axis]
     nearest, robot = np.empty(_PLACES, np.int64), outlook.robot
     for instant in range(len(controls)):
         here = path[instant]
