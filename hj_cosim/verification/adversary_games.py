@@ -138,7 +138,8 @@ def roll_out_choices(game: Game, search: Search, start: np.ndarray, choices: np.
         choices: (segments, 4) from −1 to 1: of θ_o, a_o, and of the desired control, if that is searched for.
     """
     robot, car = np.array([0.0, 0.0, start[2], start[3]]), np.array([-start[0], -start[1], start[4]])
-    cruising, previous_omega, driven = start[3], 0.0, NO_MANOEUVRE
+    cruising, previous_omega = start[3], 0.0
+    driven = np.int64(NO_MANOEUVRE)  # for a constant `_filtered` would be compiled once more
     least_target = least_value = math.inf
     collided, without_escape, gradient = False, False, np.empty(5)
     inputs, evading = np.zeros((1, 2)), NO_SHIFT  # at first it goes straight on
