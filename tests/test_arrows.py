@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -108,6 +109,7 @@ def crossed_wall(arrow: Arrow) -> str | None:
     return sentence
 
 
+@cache
 def all_arrows() -> list[Arrow]:
     """Return every import of the package by the package."""
     found = list(modules(PACKAGE))

@@ -51,7 +51,8 @@ def drive(call, scenario, small_specification, small_table, tmp_path):
     """Return a function that drives the scenario into a folder, with further options."""
 
     def run(*options, out=tmp_path / "run"):
-        return call("run", scenario, "--duration", 1, "--table", small_specification, "--out", out, *options)
+        knobs = ("--duration", 1, "--table", small_specification, "--no-figures")
+        return call("run", scenario, *knobs, "--out", out, *options)
 
     return run
 
@@ -70,7 +71,7 @@ def what_is_in(folder):
 
 
 @pytest.fixture(scope="module")
-def driven(small_specification, tmp_path_factory):
+def driven(small_specification, small_table, tmp_path_factory):
     """Return the folder of a run, driven before the disk is full, so that every kernel is loaded."""
     folder = tmp_path_factory.mktemp("driven") / "run"
     run_episode("light", duration=1.0, table=str(small_specification), out=folder)

@@ -24,6 +24,12 @@ def small_table(highway_small: TableSpecification) -> ValueTable:
 
 
 @pytest.fixture(scope="session")
+def capped_table(small_table: ValueTable) -> ValueTable:
+    """The same, capped by what manoeuvres guarantee."""
+    return solve_table(small_table.specification.model_copy(update={"capped_by_manoeuvres": True}))
+
+
+@pytest.fixture(scope="session")
 def sheared_table(highway_small: TableSpecification) -> ValueTable:
     """The same game on a grid along p_x − (v_o² − v_r²)/12."""
     return solve_table(highway_small.model_copy(update={"parameters": {"braking_shear": 1.0 / 12.0}}))

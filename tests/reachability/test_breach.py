@@ -51,12 +51,12 @@ def test_who_has_no_duties_breaks_none():
 
 
 def test_who_did_what_the_game_allowed_a_step_ago_is_never_said_to_break_a_duty_beyond_doubt():
-    draw, doubted = np.random.default_rng(5), 0
-    for _ in range(200000):
-        p_x, p_y = draw.uniform(-30.0, 30.0), draw.uniform(-4.5, 4.5)
-        v_r, v_o, heading = draw.uniform(0.0, 30.0), draw.uniform(0.0, 30.0), draw.uniform(-0.15, 0.15)
+    draw, doubted, count = np.random.default_rng(5), 0, 200_000
+    states = draw.uniform([-30.0, -4.5, 0.0, 0.0, -0.15], [30.0, 4.5, 30.0, 30.0, 0.15], (count, 5)).tolist()
+    choices = draw.integers(2, size=(count, 2)).tolist()
+    for (p_x, p_y, v_r, v_o, heading), (turns, gains) in zip(states, choices, strict=True):
         may = allowed(DUTIES, p_x, p_y, v_r * math.sin(heading), v_r, v_o)
-        sine, gain = draw.choice([may.right, may.left]), draw.choice([may.least, may.most])
+        sine, gain = (may.right, may.left)[turns], (may.least, may.most)[gains]
         p_x += (v_r * math.cos(heading) - v_o * math.sqrt(1.0 - sine * sine)) * STEP
         p_y += (v_r * math.sin(heading) - v_o * sine) * STEP
         v_o = max(v_o + gain * STEP, 0.0)

@@ -59,9 +59,10 @@ def test_half_of_a_mirrored_grid_gives_what_the_whole_gives(
     game = find_game("highway")
     half, _ = solve(specification, game, "test")
     whole, _ = solve(specification, dataclasses.replace(game, mirrored_axes=()), "test")
-    assert half == pytest.approx(whole, abs=1e-3)
+    assert np.isfinite(whole).all()
+    np.testing.assert_allclose(half, whole, rtol=1e-6, atol=1e-3)  # pytest.approx would take longer than solving
     # Straight ahead both headings are stored, and solved apart.
-    assert half == pytest.approx(half[:, ::-1, ::-1], rel=1e-6, abs=1e-5)
+    np.testing.assert_allclose(half, half[:, ::-1, ::-1], rtol=1e-6, atol=1e-5)
 
 
 def test_the_solution_does_not_depend_on_how_slabs_are_cut(braking: TableSpecification) -> None:
