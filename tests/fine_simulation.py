@@ -37,7 +37,8 @@ def guaranteed_by_simulation(
     )  # fmt: skip
     # Of the game with a time to collision; with none RSS's distances count.
     beyond = [parameters.get("time_to_collision", 0.0), parameters.get("gap_at_collision", 0.0)]
-    return _simulate(np.array([*(parameters[name] for name in names), *beyond]), states, heading, acceleration, top, step)
+    numbers = np.array([*(parameters[name] for name in names), *beyond])
+    return _simulate(numbers, states, heading, acceleration, top, step)
 
 
 def near_by_simulation(

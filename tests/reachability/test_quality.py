@@ -42,7 +42,8 @@ def test_check_tells_how_often_a_table_calls_safe_what_no_manoeuvre_escapes_from
     small_table: ValueTable, capped_table: ValueTable
 ) -> None:
     bare, careful = (
-        check_table(table, rollouts=10, states=20_000, seconds=0.0).no_escape_share for table in (small_table, capped_table)
+        check_table(table, rollouts=10, states=20_000, seconds=0.0).no_escape_share
+        for table in (small_table, capped_table)
     )
     assert 0.01 < bare < 0.5
     assert careful < 0.2 * bare

@@ -37,9 +37,9 @@ conduct(folder, LocalWorkers(2), function=getattr(synthetic_episodes, way), tabl
 
 A_STUDY_OF_TWO_STACKS = {"episodes": 4, "stacks": ["hjop-spc-mi", "op-none"]}
 A_SWEEP = {
-    "episodes": 1,
+    "episodes": 2,
     "stacks": ["hjop-spc-mi", "op-none"],
-    "scenarios": ["light", "paper"],
+    "scenarios": ["light"],
     "vary": ["planner.gamma_r=0.8,0.9"],
 }
 

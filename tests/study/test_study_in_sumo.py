@@ -86,7 +86,7 @@ def test_a_study_may_keep_the_robot_alone(few_cars, in_this_process, monkeypatch
 
 @pytest.fixture
 def conduct_in_sumo(few_cars, small_specification, tmp_path):
-    """Return a function that conducts a study of four episodes of a robot that keeps its lane, by one worker or else."""
+    """Return a function that conducts a study of four episodes of a robot that keeps its lane; one worker drives."""
     scenario, settings = few_cars
     given = {"scenarios": (scenario,), "episodes": 4, "stacks": ("idle-none",), "set": settings}
     place = tmp_path / "study"
