@@ -217,6 +217,7 @@ def test_a_sweep_is_resumed_by_its_folder_alone(conduct_synthetic, reproducible_
         patch.setattr("hj_cosim.study.study.draw_figures", lambda *_: None)  # the resumed one does
         conduct_synthetic("sweep", **A_SWEEP, function=synthetic.drive_or_fail)
     again = conduct_synthetic("sweep", resume=True)
+    assert (again.folder / "figures" / "sweep.png").is_file()
     assert reproducible_files(again.folder) == reproducible_files(reference.folder)
 
 
