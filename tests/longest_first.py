@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 KEPT = "hj_cosim/seconds"  # in pytest's cache: how long each file took
-# What takes longest where nothing was measured yet, which is so in a fresh clone. The first compiles most kernels; until
-# it has, the other worker does what needs few of them, so that neither compiles what the other one does. The wheel is
-# lent them.
+# What takes longest where nothing was measured yet, as in a fresh clone. The first compiles most kernels; until
+# then the other worker does what needs few of them, lest both compile the same ones. The wheel is lent them.
 AT_FIRST = {
     "tests/study/test_study_in_sumo.py": 60.0,
     "tests/study/test_killed_studies.py": 50.0,
