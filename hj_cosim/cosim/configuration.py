@@ -31,9 +31,6 @@ from hj_cosim.traffic.sources.scenarios import network_path, own_path, scenario_
 
 UNNAMED = "unnamed"  # what a scenario is called that was given as a mapping without a name
 
-# What a preset leaves out in a user's simulation: drivers other than ours break duties all the time, and mean no harm.
-_IN_OWN_SIMULATIONS: Mapping[str, Any] = {"filter": {"evade": False}}
-
 
 def resolve_config(
     scenario: str | Path | Scenario | Mapping[str, Any] = "paper",
@@ -87,10 +84,7 @@ def _lowest_layers(scenario: Mapping[str, Any], preset: str) -> dict[str, Any]:
     """Return what a preset and a scenario state, unchecked."""
     # The drivers' defaults are laid out in full, so that a layer may name a distribution's deviation alone.
     data: dict[str, Any] = {"preset": preset, "scenario": {"drivers": DriverSettings().model_dump()}}
-    data, own = overlay(data, PRESETS[preset]), scenario.get("own")
-    if isinstance(own, Mapping) and own.get("file"):
-        data = overlay(data, _IN_OWN_SIMULATIONS)
-    return overlay(data, {"scenario": scenario})
+    return overlay(overlay(data, PRESETS[preset]), {"scenario": scenario})
 
 
 def _repeated(

@@ -7,6 +7,7 @@ from hj_cosim.control.problem.safety_problem import available_controls
 from hj_cosim.control.spc.duty_breakers import Seen, breach_by, write_car
 from hj_cosim.control.spc.escape import NO_MANOEUVRE, PASSED, keep_escape
 from hj_cosim.control.spc.evasion import COLUMNS, NO_SHIFT, Held, Motion, Shift, evade
+from hj_cosim.control.spc.pursuit import abilities_of
 from hj_cosim.reachability.games.highway.breach import DOES_DUTIES, WILL_BREAK
 from hj_cosim.verification.game import Game, gripped
 
@@ -33,14 +34,14 @@ def evaded(
         driven: the manoeuvre that gave the last control.
     """
     at, rows = Motion(robot[0], robot[1], robot[2], robot[3]), np.empty((len(others), COLUMNS))
-    count, gravest = 0, DOES_DUTIES
+    count, gravest, can = 0, DOES_DUTIES, abilities_of(game.other)
     for j in range(len(others)):
         x, y, speed = others[j]
         length, width = game.bodies.other_length, game.bodies.other_width
         seen = Seen(x, y, inputs[j, 0], speed, inputs[j, 1], length, width)
         breach = breach_by(game.other, robot[0] - x, robot[1] - y, at, seen)
         gravest = max(gravest, breach)
-        count += write_car(game.evader, at, seen, breach != DOES_DUTIES, rows[count])
+        count += write_car(game.evader, at, seen, breach != DOES_DUTIES, can, rows[count])
     if gravest == DOES_DUTIES or count == 0:
         return asked[0], asked[1], NO_SHIFT
     held, _, driven = evade(game.evader, at, rows[:count], Held(asked[0], asked[1], game.step), driven)

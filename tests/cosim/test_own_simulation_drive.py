@@ -105,9 +105,9 @@ def test_a_scenario_may_have_a_simulation_beside_it(theirs):
         resolve_config(scenario)
 
 
-def test_who_breaks_a_duty_is_evaded_there_only_if_that_is_asked_for(theirs):
-    assert not resolve_config(theirs).filter.evade
-    assert resolve_config(theirs, assignments=["filter.evade=true"]).filter.evade
+def test_who_breaks_a_duty_is_evaded_there_as_anywhere(theirs):
+    assert resolve_config(theirs).filter.evade
+    assert not resolve_config(theirs, assignments=["filter.evade=false"]).filter.evade
     assert resolve_config("paper").filter.evade
     assert not resolve_config("paper", preset="paper").filter.evade
 

@@ -40,9 +40,22 @@ def test_who_cuts_in_breaks_a_duty_only_where_there_is_no_room():
 
 def test_who_follows_breaks_a_duty_where_it_is_too_near_and_does_not_brake():
     assert seen(60.0, 0.0) == DOES_DUTIES
-    assert seen(9.0, 0.0, gain=0.0) == BREAKS
-    assert seen(9.0, 0.0, gain=-6.0) == DOES_DUTIES
+    assert seen(9.0, 0.0, v_o=25.0, gain=0.0) == BREAKS
+    assert seen(9.0, 0.0, v_o=25.0, gain=-6.0) == DOES_DUTIES
     assert seen(9.0, 4.0, gain=4.0) == DOES_DUTIES  # in the lane beside
+
+
+def test_who_keeps_the_distance_that_drivers_do_breaks_no_duty():
+    # A second behind as fast: RSS asks 38 m of it and 6 m/s² where there are 25; it need not brake to keep away.
+    assert allowed(DUTIES, 25.0, 0.0, 0.0, 20.0, 20.0).most == pytest.approx(-6.0)
+    assert seen(25.0, 0.0) == DOES_DUTIES
+    assert seen(25.0, 0.0, gain=1.5) == DOES_DUTIES
+    # 26² − 20² over 2 · 6 m/s² is 23 m, more than the 18 there are beside the 2 m that it leaves.
+    assert seen(25.0, 0.0, v_o=26.0) == BREAKS
+    assert seen(31.0, 0.0, v_o=26.0) == DOES_DUTIES
+    # Lanes of 3.2 m: RSS has who is half a length behind there as one who follows.
+    assert allowed(DUTIES, 1.5, 3.0, 0.0, 20.0, 20.0).most == pytest.approx(-6.0)
+    assert seen(1.5, 3.0, v_o=22.0) == DOES_DUTIES
 
 
 def test_who_has_no_duties_breaks_none():

@@ -9,17 +9,18 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from hj_cosim.control.spc.evasion import (
     ACCELERATION,
+    ACCELERATION_MAX,
+    ACCELERATION_MIN,
     ACROSS,
     ANSWERED,
     COLUMNS,
     GAINING,
     HALF_ACROSS,
     HALF_ALONG,
+    HEADING,
+    HEADING_MAX,
     HORIZON,
-    REACH_ACROSS,
-    REACH_ALONG,
-    REACHES_ACROSS,
-    REACHES_ALONG,
+    PURSUES,
     ROOM_ENOUGH,
     SPEED,
     Evader,
@@ -27,6 +28,7 @@ from hj_cosim.control.spc.evasion import (
     X,
     Y,
 )
+from hj_cosim.control.spc.pursuit import Abilities, abilities_of
 from hj_cosim.kernels import kernel
 from hj_cosim.reachability.games.highway.breach import DOES_DUTIES, breach
 from hj_cosim.reachability.games.highway.other_car import Disturbance
@@ -61,10 +63,9 @@ def breach_by(duties: Disturbance, p_x: float, p_y: float, robot: Motion, car: S
 
 
 @kernel
-def _stays_away(evader: Evader, robot: Motion, car: Seen, breaks: bool) -> bool:
+def _stays_away(evader: Evader, robot: Motion, car: Seen) -> bool:
     """Return whether a car is so far ahead or behind that no manoeuvre makes it count: most of them are."""
     gap = abs(car.x - robot.x) - 0.5 * (evader.length + evader.width + car.length + car.width) - ROOM_ENOUGH
-    gap -= 0.5 * REACH_ALONG * _LASTS * _LASTS if breaks else 0.0
     if car.x < robot.x:
         fastest = car.speed + max(car.acceleration, 0.0) * _LASTS
         return gap > max(fastest - max(robot.speed + evader.acceleration_min * _LASTS, 0.0), 0.0) * _LASTS
@@ -75,13 +76,13 @@ def _stays_away(evader: Evader, robot: Motion, car: Seen, breaks: bool) -> bool:
 
 
 @kernel
-def write_car(evader: Evader, robot: Motion, car: Seen, breaks: bool, row: np.ndarray) -> bool:
+def write_car(evader: Evader, robot: Motion, car: Seen, breaks: bool, can: Abilities, row: np.ndarray) -> bool:
     """Write what the evasion needs of a car, (COLUMNS,), and return whether it counts.
 
     Who follows in the robot's lane and breaks no duty does not: it brakes if the robot does. Nor does one whose body
     is in the robot's already, nor who stays away.
     """
-    if _stays_away(evader, robot, car, breaks):
+    if _stays_away(evader, robot, car):
         return False
     along, across = car.x - robot.x, car.y - robot.y
     sine = math.sin(car.heading)
@@ -94,10 +95,9 @@ def write_car(evader: Evader, robot: Motion, car: Seen, breaks: bool, row: np.nd
         return False
     row[X], row[Y], row[SPEED], row[ACCELERATION] = car.x, car.y, car.speed, car.acceleration
     row[ACROSS], row[HALF_ALONG], row[HALF_ACROSS] = car.speed * sine, half_along, half_across
-    follows = along < 0.0 and beside < _IN_LANE
-    row[REACHES_ALONG] = 0.5 * REACH_ALONG if breaks and not follows else 0.0
-    row[REACHES_ACROSS] = 0.5 * REACH_ACROSS if breaks else 0.0
-    row[ANSWERED] = 1.0 if not breaks or (along > 0.0 and apart > 0.0) else 0.0
+    answered = not breaks or (along > 0.0 and apart > 0.0)
+    row[ANSWERED], row[PURSUES], row[HEADING] = 1.0 if answered else 0.0, 1.0 if breaks else 0.0, car.heading
+    row[HEADING_MAX], row[ACCELERATION_MIN], row[ACCELERATION_MAX] = can
     return True
 
 
@@ -136,11 +136,11 @@ def cars_to_evade(
         gravest = max(gravest, breaches[j])
     if gravest == DOES_DUTIES:
         return np.empty((0, COLUMNS)), gravest
-    found, count = np.empty((len(cars.x), COLUMNS)), 0
+    found, count, can = np.empty((len(cars.x), COLUMNS)), 0, abilities_of(game_from(games[0]).other)
     for j in range(len(cars.x)):
         if abs(cars.x[j] - robot.x) <= _FAR_ALONG and abs(cars.y[j] - robot.y) <= _FAR_ACROSS:
             breaks = breaches[j] != DOES_DUTIES
-            count += write_car(evader, robot, _seen(cars, acceleration, j), breaks, found[count])
+            count += write_car(evader, robot, _seen(cars, acceleration, j), breaks, can, found[count])
     return found[:count], gravest
 
 

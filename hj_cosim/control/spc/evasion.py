@@ -2,9 +2,9 @@
 
 V among cars that do their duties promises nothing of one that steers into the robot's side or does not brake behind it,
 and the escape, straight on and braking, may be the wrong one. Such a car is seen (`games.highway.breach`). All cars are
-taken to go on as they do, and who breaks a duty to be anywhere within a reach around that, which grows. A control
-passes if after it some manoeuvre keeps the bodies apart; if none does, that one is driven which does so best, or
-longest. So it acts at the last moment, when nothing else is left.
+taken to go on as they do, and who breaks a duty to do that or to come at the robot (`pursuit`). A control passes if
+after it some manoeuvre keeps the bodies apart; if none does, that one is driven which does so best, or longest. So it
+acts at the last moment, when nothing else is left.
 
 A manoeuvre shifts the robot across the road, as fast as it can and be straight again, at one acceleration. First comes
 that it runs into nobody whom it has to answer for, those ahead and those who do their duties, and leaves room to brake
@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hj_cosim.control.spc.pursuit import Abilities, Pursuer, Target, pursued
 from hj_cosim.kernels import kernel
 from hj_cosim.settings import RobotSettings
 
@@ -25,18 +26,20 @@ _INSTANTS = round(HORIZON / STEP)
 # m between the bodies that a manoeuvre must leave for a control to pass, and while one is driven already.
 SPARE, SPARE_DRIVEN = 0.2, 0.6
 ROOM_ENOUGH = 1.0  # m; more is no better
-REACH_ALONG, REACH_ACROSS = 3.0, 1.0  # m/s², by which who breaks a duty may do otherwise than now, either way
-HEADING = 0.3  # rad, the most that a shift turns to
+SHIFTING = 0.3  # rad, the most that a shift turns to
 _SHARE_OF_TURNING = 0.8  # of the turning that there is, which a shift counts on to be straight in the end
 GAINING = 1.0  # s, for which a manoeuvre accelerates
 _BETTER = 0.35  # of an outcome, by which another manoeuvre has to be better than the one that is driven
 _SHIFTS = (0.0, 1.0, -1.0, 2.0, -2.0, 3.6, -3.6)  # m
 _SLOWEST = 0.1  # m/s, below which a turn has no radius
 PASSED, EVADED, CAUGHT = 0, 1, 2  # verdicts
-# Columns of a car: m, m, m/s, m/s², and m/s across the road; half its extents along and across, m; half its reach in
-# m/s² along and across; and whether the robot answers for running into it.
-X, Y, SPEED, ACCELERATION, ACROSS, HALF_ALONG, HALF_ACROSS, REACHES_ALONG, REACHES_ACROSS, ANSWERED = range(10)
-COLUMNS = 10
+# Columns of a car: m, m, m/s, m/s², and m/s across the road; half its extents along and across, m; whether the robot
+# answers for running into it; whether it may come at the robot, its heading, rad, and its limits, rad and m/s²; and a
+# pursuer's place, heading and speed, which are written anew for every manoeuvre.
+X, Y, SPEED, ACCELERATION, ACROSS, HALF_ALONG, HALF_ACROSS, ANSWERED = range(8)
+PURSUES, HEADING, HEADING_MAX, ACCELERATION_MIN, ACCELERATION_MAX = range(8, 13)
+_PURSUER = 13
+COLUMNS = _PURSUER + len(Pursuer._fields)
 
 
 class Evader(NamedTuple):
@@ -109,7 +112,7 @@ def shifting_omega(evader: Evader, shift: Shift, at: Motion, step: float) -> flo
     most = min(evader.omega_max, evader.sideways / max(at.speed, _SLOWEST))
     rest = shift.lateral - at.y
     across = math.sqrt(2.0 * _SHARE_OF_TURNING * most * at.speed * abs(rest))
-    aim = math.asin(min(across / max(at.speed, _SLOWEST), math.sin(HEADING)))
+    aim = math.asin(min(across / max(at.speed, _SLOWEST), math.sin(SHIFTING)))
     return min(max((math.copysign(aim, rest) - at.heading) / step, -most), most)
 
 
@@ -130,7 +133,7 @@ def _footprint(evader: Evader, heading: float) -> Footprint:
 
 @kernel
 def _room(evader: Evader, at: Motion, footprint: Footprint, time: float, car: np.ndarray) -> float:
-    """Return what is between the robot and wherever a car may be at a time, m; at most 0 where they may touch.
+    """Return what is between the robot and where a car is at a time if it goes on, m; at most 0 where they touch.
 
     Behind one that it answers for, what it needs to stop in that one's stead counts as taken.
     """
@@ -142,7 +145,30 @@ def _room(evader: Evader, at: Motion, footprint: Footprint, time: float, car: np
     if car[ANSWERED] > 0.0 and along > 0.0:
         ahead = max(car[SPEED] + car[ACCELERATION] * moving, 0.0)
         lengthwise -= max(at.speed * at.speed - ahead * ahead, 0.0) / (-2.0 * evader.acceleration_min)
-    return max(lengthwise - car[REACHES_ALONG] * time * time, sideways - car[REACHES_ACROSS] * time * time)
+    return max(lengthwise, sideways)
+
+
+@kernel
+def _begin_pursuit(car: np.ndarray) -> None:
+    """Write into a car's row where it is now."""
+    car[_PURSUER], car[_PURSUER + 1], car[_PURSUER + 2], car[_PURSUER + 3] = car[X], car[Y], car[HEADING], car[SPEED]
+
+
+@kernel
+def _pursue(at: Motion, footprint: Footprint, car: np.ndarray) -> None:
+    """Write into a car's row where it is a step later if it comes at the robot."""
+    pursuer = Pursuer(car[_PURSUER], car[_PURSUER + 1], car[_PURSUER + 2], car[_PURSUER + 3])
+    can = Abilities(car[HEADING_MAX], car[ACCELERATION_MIN], car[ACCELERATION_MAX])
+    target = Target(at.x - pursuer.x, at.y - pursuer.y, footprint.along + car[HALF_ALONG], at.speed)
+    later = pursued(pursuer, can, car[ACCELERATION], target, STEP)
+    car[_PURSUER], car[_PURSUER + 1], car[_PURSUER + 2], car[_PURSUER + 3] = later
+
+
+@kernel
+def _room_from_pursuer(at: Motion, footprint: Footprint, car: np.ndarray) -> float:
+    """Return what is between the robot and a car that comes at it, m; at most 0 where they touch."""
+    lengthwise = abs(car[_PURSUER] - at.x) - footprint.along - car[HALF_ALONG]
+    return max(lengthwise, abs(car[_PURSUER + 1] - at.y) - footprint.across - car[HALF_ACROSS])
 
 
 @kernel
@@ -161,18 +187,26 @@ def outcome(evader: Evader, start: Motion, held: Held, shift: Shift, cars: np.nd
         floor: once nothing above it is possible, something that is not above it is returned.
     """
     at, time, spare, touched = start, 0.0, ROOM_ENOUGH, math.inf
+    footprint = _footprint(evader, at.heading)
+    for j in range(len(cars)):
+        _begin_pursuit(cars[j])
     for instant in range(-1, _INSTANTS):
         if instant < 0:
             omega, acceleration, step = held.omega, held.acceleration, held.time
         else:
             omega, step = shifting_omega(evader, shift, at, STEP), STEP
             acceleration = 0.0 if shift.acceleration > 0.0 and time > GAINING else shift.acceleration
+            for j in range(len(cars)):
+                if cars[j, PURSUES] > 0.0:
+                    _pursue(at, footprint, cars[j])
         at, time = _moved(evader, at, omega, acceleration, step), time + step
         footprint = _footprint(evader, at.heading)
         for j in range(len(cars)):
             room = _room(evader, at, footprint, time, cars[j])
             if room <= 0.0 and cars[j, ANSWERED] > 0.0:
                 return time
+            if cars[j, PURSUES] > 0.0:
+                room = min(room, _room_from_pursuer(at, footprint, cars[j]))
             spare = min(spare, room)
         if spare <= 0.0:
             touched = min(touched, time)
