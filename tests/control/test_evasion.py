@@ -301,6 +301,14 @@ def test_who_breaks_a_duty_is_feared_to_follow_and_who_does_them_is_not():
     assert not rows((8.0, 8.0, 0.0, 20.0, 0.0), breaks=False)[0, PURSUES]
 
 
+def test_a_pursuer_comes_nearer_while_a_control_is_held():
+    # Of who goes on in the next lane nothing touches; straight on, held or not, is the same manoeuvre.
+    chaser, straight = rows((-14.0, 8.0, 0.0, 27.0, 0.0)), Shift(4.0, 0.0)
+    at_once, held = (outcome(ON_ROAD, AT, Held(0.0, 0.0, time), straight, chaser, -1.0) for time in (0.0, 0.1))
+    assert HORIZON < at_once < 2.0 * HORIZON
+    assert held == pytest.approx(at_once, abs=0.06)
+
+
 def test_who_drifts_over_ahead_is_not_passed_so_near_that_nothing_is_left():
     drifting = (9.0, 1.2, 0.023, 22.0, 0.0)
     robot = AT._replace(speed=29.0)

@@ -26,7 +26,7 @@ _INSTANTS = round(HORIZON / STEP)
 # m between the bodies that a manoeuvre must leave for a control to pass, and while one is driven already.
 SPARE, SPARE_DRIVEN = 0.2, 0.6
 ROOM_ENOUGH = 1.0  # m; more is no better
-SHIFTING = 0.3  # rad, the most that a shift turns to
+SHIFT_HEADING = 0.3  # rad, the most that a shift turns to
 _SHARE_OF_TURNING = 0.8  # of the turning that there is, which a shift counts on to be straight in the end
 GAINING = 1.0  # s, for which a manoeuvre accelerates
 _BETTER = 0.35  # of an outcome, by which another manoeuvre has to be better than the one that is driven
@@ -112,7 +112,7 @@ def shifting_omega(evader: Evader, shift: Shift, at: Motion, step: float) -> flo
     most = min(evader.omega_max, evader.sideways / max(at.speed, _SLOWEST))
     rest = shift.lateral - at.y
     across = math.sqrt(2.0 * _SHARE_OF_TURNING * most * at.speed * abs(rest))
-    aim = math.asin(min(across / max(at.speed, _SLOWEST), math.sin(SHIFTING)))
+    aim = math.asin(min(across / max(at.speed, _SLOWEST), math.sin(SHIFT_HEADING)))
     return min(max((math.copysign(aim, rest) - at.heading) / step, -most), most)
 
 
@@ -155,12 +155,12 @@ def _begin_pursuit(car: np.ndarray) -> None:
 
 
 @kernel
-def _pursue(at: Motion, footprint: Footprint, car: np.ndarray) -> None:
+def _pursue(at: Motion, footprint: Footprint, car: np.ndarray, step: float) -> None:
     """Write into a car's row where it is a step later if it comes at the robot."""
     pursuer = Pursuer(car[_PURSUER], car[_PURSUER + 1], car[_PURSUER + 2], car[_PURSUER + 3])
     can = Abilities(car[HEADING_MAX], car[ACCELERATION_MIN], car[ACCELERATION_MAX])
     target = Target(at.x - pursuer.x, at.y - pursuer.y, footprint.along + car[HALF_ALONG], at.speed)
-    later = pursued(pursuer, can, car[ACCELERATION], target, STEP)
+    later = pursued(pursuer, can, car[ACCELERATION], target, step)
     car[_PURSUER], car[_PURSUER + 1], car[_PURSUER + 2], car[_PURSUER + 3] = later
 
 
@@ -196,9 +196,9 @@ def outcome(evader: Evader, start: Motion, held: Held, shift: Shift, cars: np.nd
         else:
             omega, step = shifting_omega(evader, shift, at, STEP), STEP
             acceleration = 0.0 if shift.acceleration > 0.0 and time > GAINING else shift.acceleration
-            for j in range(len(cars)):
-                if cars[j, PURSUES] > 0.0:
-                    _pursue(at, footprint, cars[j])
+        for j in range(len(cars)):
+            if cars[j, PURSUES] > 0.0 and step > 0.0:
+                _pursue(at, footprint, cars[j], step)
         at, time = _moved(evader, at, omega, acceleration, step), time + step
         footprint = _footprint(evader, at.heading)
         for j in range(len(cars)):
