@@ -62,8 +62,8 @@ class FilterSettings(Settings):
     evade: bool = Field(
         False,
         description="with keep_escape: where a car breaks a duty that the table counts on, SPC's control gives way at"
-        " the last moment to a manoeuvre that keeps the bodies apart if all go on as they do, and if that car comes at the"
-        " robot; not in the paper",
+        " the last moment to a manoeuvre that keeps the bodies apart if all go on as they do, and if that car comes at"
+        " the robot; not in the paper",
     )
     priority: Literal["equal", "belief"] = Field(
         "equal",
