@@ -31,6 +31,7 @@ class Measured:
 GOALS: Mapping[str, Goal] = {
     "solver weno5": Goal("solve 41x25x13x13x13, WENO5", 40.0, "x", True, "hj_reachability, = 1"),
     "solver first_order": Goal("the same, first order", 60.0, "x", True, "hj_reachability, = 1"),
+    "duties and tyres": Goal("the same with duties and tyres", 1.1, "x", beside="a Hamiltonian of fixed limits, = 1"),
     "solver memory": Goal("solver's memory", 16.0, "bytes/cell", beside="hj_reachability"),
     "look-ups": Goal("value and gradient at 100 states", 12.0, "µs", beside="SciPy, the value alone"),
     "filter median": Goal("a filter step, 100 cars, median", 60.0, "µs", beside="qpsolvers with daqp alone"),

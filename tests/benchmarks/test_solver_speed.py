@@ -6,12 +6,14 @@ solve all three. CPU seconds stand beside wall seconds, because on a machine tha
 """
 
 import json
+import math
 import os
 import subprocess
 import sys
 import time
 import timeit
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +21,10 @@ import pytest
 from numba import njit
 from scipy.interpolate import RegularGridInterpolator
 
+from hj_cosim.reachability.games.catalogue import find_game
+from hj_cosim.reachability.games.contract import Game, state_function
 from hj_cosim.reachability.grid import Grid
+from hj_cosim.reachability.solver.solver import solve
 from hj_cosim.reachability.table.lookup import values_and_gradients
 from hj_cosim.reachability.table.store import load_table, solve_table
 from hj_cosim.settings import Scheme, TableSpecification
@@ -31,7 +36,8 @@ import peer_cases  # noqa: E402
 
 SHAPE = (41, 25, 13, 13, 13)
 HORIZONS: dict[Scheme, float] = {"first_order": 3.0, "weno5": 0.3}  # s, of 3
-MEGABYTE = 2**20
+ROUNDS = 7  # of which the median counts
+AS_GOOD_AS_THE_SAME = 1e-2  # m, of float32's rounding over all steps
 
 
 def timed(work: Callable[[], object]) -> tuple[float, float]:
@@ -79,6 +85,44 @@ def test_the_solver_beside_its_peer(benchmark, row, require_peer, scheme: Scheme
         f" {100 * rate / cpu / floor:.2f} % of a multiply-add loop's {floor / 1e6:.0f} M/s"
     )
     row(goal, peer_wall / wall)
+
+
+@state_function
+def hamiltonian_of_fixed_limits(x, p, c, limits, out):  # type: ignore[no-untyped-def]
+    """That of two cars who may do at every state what their limits say (paper, eq. case study Hamiltonian)."""
+    forward, leftward = x[3, 0] * math.cos(x[2, 0]), x[3, 0] * math.sin(x[2, 0])  # a slab's nodes share θ and v_r
+    zero, cos, sin = np.float32(0.0), np.float32(math.cos(c[3])), np.float32(math.sin(c[3]))
+    robot_share, other_share = np.float32(2.0) * c[15] * x[3, 0], np.float32(2.0) * c[15]
+    for i in range(out.shape[0]):
+        p_x, p_y, v_o = p[0, i], p[1, i], x[4, i]
+        length = np.sqrt(p_x * p_x + p_y * p_y)
+        other = length if (p_x > zero) & (abs(p_y) <= sin * length) else cos * p_x + sin * abs(p_y)
+        by_robot, by_other = p[3, i] + robot_share * p_x, p[4, i] - other_share * v_o * p_x
+        robot = c[2] * by_robot if by_robot > zero else c[1] * by_robot
+        other_speed = c[4] * by_other if by_other > zero else c[5] * by_other
+        out[i] = forward * p_x + leftward * p_y - v_o * other + c[0] * abs(p[2, i]) + robot + other_speed
+
+
+def test_what_duties_and_tyres_cost(row) -> None:
+    """Limits that depend on the state, against a Hamiltonian that knows of none; by turns, CPU seconds a step."""
+    shear = {"braking_shear": 1.0 / 12.0}
+    plain = large("weno5").model_copy(update={"parameters": shear})
+    limited = plain.model_copy(update={"parameters": {**shear, "responsible": 1.0, "lateral_acceleration_max": 4.0}})
+    fixed = replace(find_game("highway"), hamiltonian=hamiltonian_of_fixed_limits)
+
+    def solved(specification: TableSpecification, game: Game) -> tuple[np.ndarray, float]:
+        """Return the values, and CPU seconds a step."""
+        started = time.process_time()
+        values, report = solve(specification, game, "the benchmark")
+        return values, (time.process_time() - started) / report.steps
+
+    # The one is the other where no duties are done and the tyres hold anything; and it is compiled.
+    found = [solved(plain, game)[0] for game in (fixed, find_game("highway"))]
+    assert np.abs(found[0] - found[1]).max() < AS_GOOD_AS_THE_SAME
+    solved(limited, find_game("highway"))
+    ratios = [solved(limited, find_game("highway"))[1] / solved(plain, fixed)[1] for _ in range(ROUNDS)]
+    print(f"\nduties and tyres: {np.median(ratios):.2f} x, {min(ratios):.2f} to {max(ratios):.2f}")
+    row("duties and tyres", float(np.median(ratios)))
 
 
 MEMORY_PROBE = """
