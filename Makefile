@@ -32,7 +32,7 @@ test: .venv/.test-ready
 test-cluster: .venv/.test-ready
 	@$(BIN)/python -m pytest tests/study/cluster
 
-coverage: .venv/.test-ready
+coverage: .venv/.coverage-ready
 	@$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --cov --cov-report term
 
 licences: .venv/.test-ready
@@ -119,6 +119,10 @@ endef
 .venv/.test-ready: pyproject.toml constraints.txt .venv/.uv-ready
 	$(call install,.[test])
 	@touch .venv/.run-ready
+
+.venv/.coverage-ready: pyproject.toml constraints.txt .venv/.uv-ready
+	$(call install,.[coverage])
+	@touch .venv/.run-ready .venv/.test-ready
 
 .venv/.networks-ready: pyproject.toml constraints.txt .venv/.uv-ready
 	$(call install,.[networks])
