@@ -22,9 +22,9 @@ ROBOT = RobotModel(5.0, 2.0, 0.3, -6.0, 4.0, 4.0, 40.0, 0.3, 4.0, 4)
 
 @pytest.fixture
 def make(small_table):
-    def made(**options) -> MppiPlanner:
+    def made(road=ROAD, **options) -> MppiPlanner:
         given = MppiPlanner.Options(**options)
-        return MppiPlanner(PlannerSettings(), given, RobotSettings(), DriverSettings(), ROAD, small_table)
+        return MppiPlanner(PlannerSettings(), given, RobotSettings(), DriverSettings(), road, small_table)
 
     return made
 
@@ -48,6 +48,46 @@ def test_an_empty_road_is_driven_fast_and_on_the_left(make, observe):
 def test_a_slow_car_is_passed_where_there_is_room(make, observe):
     slow = (3, 60.0, 5.0)
     assert planned(make(), observe([slow], lane=3, speed=22.0)).action == RIGHT
+
+
+def test_a_path_that_first_enters_the_right_lane_asks_for_the_right_lane(make, observe):
+    road, slow = StraightRoad(3), [(1, 25.0, 12.0), (2, 25.0, 12.0)]
+    planner, scene, path = make(road), observe(slow, lane=1, speed=22.0), np.empty((21, 4))
+    comes_back = 0
+    for _ in range(8):
+        plan = planner.plan(scene, Target(1, 22.0))
+        drive(scene.robot, planner._plan.copy(), path, ROBOT, STEP)
+        comes_back += road.lane_at(path[-1, 1], path[-1, 0]) > 0
+        assert (plan.action, plan.target.lane) == (RIGHT, 0)
+    assert comes_back > 2
+
+
+@pytest.mark.parametrize(
+    ("lanes", "action"),
+    [((1, 0, 2), RIGHT), ((1, 2, 0), LEFT), ((1, 0, 1), RIGHT), ((1, 1, 2), LEFT), ((1, 1, 1), FASTER)],
+    ids=str,
+)
+def test_of_the_lanes_on_a_path_the_first_other_one_is_asked_for_at_the_speed_of_the_paths_beginning(
+    make, observe, lanes, action
+):
+    times = np.arange(21) * STEP
+    speed = np.interp(times, [0.0, 2.0, 4.0], [22.0, 28.0, 10.0])
+    path = np.column_stack([1000.0 + 22.0 * times, 4.0 * np.interp(times, [0.0, 2.0, 4.0], lanes), 0.0 * times, speed])
+    plan = make()._answer(observe([], lane=1, speed=22.0), path)
+    assert (plan.action, plan.target.lane) == (action, 1 + {LEFT: 1, RIGHT: -1}.get(action, 0))
+    assert plan.target.speed == pytest.approx(22.0 + 3.0 * PlannerSettings().speed_response)
+
+
+@pytest.mark.parametrize("lanes", [1, 2, 3])
+def test_noise_is_spread_evenly_over_the_last_plan_and_over_the_simple_ways(make, lanes):
+    planner = make(StraightRoad(lanes), omega_deviation=1e-6, acceleration_deviation=1e-6)
+    samples = planner._drawn(np.array([1000.0, 4.0 * (lanes // 2) + 0.3, 0.0, 22.0]))
+    middles, noisy = np.split(samples, [1 + 3 * lanes])
+    distance = np.abs(noisy[:, np.newaxis] - middles).max(axis=(2, 3))
+    assert distance.min(axis=1).max() < 1e-4
+    around = np.bincount(np.argmin(distance, axis=1), minlength=len(middles))
+    assert around[0] == pytest.approx(0.5 * len(noisy), abs=1.0)
+    assert np.ptp(around[1:]) <= 1
 
 
 def test_the_robot_slows_down_where_all_lanes_are_taken(make, observe):

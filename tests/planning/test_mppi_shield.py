@@ -7,7 +7,9 @@ import pytest
 
 from hj_cosim.planning.mppi.others import Others
 from hj_cosim.planning.mppi.planner import MppiPlanner
+from hj_cosim.planning.mppi.rollouts import Costs, Outlook, RobotModel, drive, judge, worth
 from hj_cosim.planning.mppi.shield import NO_SHIELD, Shield, held_acceleration
+from hj_cosim.planning.optimistic.reward import reward_model
 from hj_cosim.reachability.games.highway.rows import row_numbers
 from hj_cosim.reachability.table.cars import car_values, rows_of_cars
 from hj_cosim.reachability.table.value_scale import scaled, steepness
@@ -16,6 +18,8 @@ from hj_cosim.scene.road import StraightRoad
 from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
 
 EPSILON, APPROACH = 0.5, 4.0
+STEP, SIZES = 0.2, (np.array([5.0]), np.array([2.0]))
+ROBOT = RobotModel(5.0, 2.0, 0.3, -6.0, 4.0, 4.0, 40.0, 0.3, 4.0, 4)
 
 
 @pytest.fixture
@@ -105,5 +109,28 @@ def test_behind_a_slow_car_a_shielded_plan_brakes_earlier(small_table, observe):
     assert speeds[0] < speeds[1] - 0.3
 
 
-def test_without_numbers_there_is_no_shield():
-    assert len(NO_SHIELD.numbers) == 0
+def judged(table, shield) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return ten samples behind a slow car as they were judged: their controls, and what `drive` and `worth` say."""
+    random = np.random.default_rng(2)
+    asked = np.stack([random.uniform(-0.3, 0.3, (10, 8)), random.uniform(-8.0, 6.0, (10, 8))], axis=2)
+    settings, speeds = PlannerSettings(), np.full((9, 1), 14.0)
+    others = Others(26.0 + 14.0 * STEP * np.arange(9.0)[:, None], 4.0 + 0.0 * speeds, speeds, *SIZES)
+    outlook = Outlook(others, reward_model(settings, StraightRoad(4)), Costs(0.002, 0.001, 0.003), ROBOT, STEP, 0.98)
+    state, controls = np.array([0.0, 4.0, 0.0, 22.0]), asked.copy()
+    worths, ends = np.empty(10), np.empty(10, np.int64)
+    judge(state, controls, outlook, table.stack, shield, worths, ends)
+    path, plain = np.empty((9, 4)), np.empty(10)
+    for sample, each in enumerate(asked):
+        drive(state, each, path, ROBOT, STEP)
+        plain[sample] = worth(path, each, outlook, table.stack)
+    return controls - asked, worths - plain, ends
+
+
+def test_without_a_shield_samples_are_driven_and_judged_as_they_were_drawn(shield, small_table):
+    changes, differences, ends = judged(small_table, NO_SHIELD)
+    assert np.abs(changes).max() < 1e-9
+    assert np.abs(differences).max() < 1e-9
+    assert set(ends) <= {0, 1, 2}
+    changes, differences, _ = judged(small_table, shield)  # which changes some of the same samples
+    assert np.abs(changes[:, :, 1]).max() > 1.0
+    assert np.abs(differences).max() > 0.01

@@ -35,7 +35,7 @@ ANOTHER_SPEED = 0.3  # m/s, from where on a plan is called faster or slower
 
 
 class MppiPlanner:
-    """Samples sequences of controls, and tracks the lane and the speed to which the best of them lead."""
+    """Samples sequences of controls, and tracks the next lane and the speed to which the best of them lead."""
 
     plan_period = 0.1  # s, unless the settings say another
 
@@ -103,7 +103,7 @@ class MppiPlanner:
         self._random = np.random.default_rng(SEED)
 
     def plan(self, observation: Observation, previous: Target) -> Plan:
-        """Return the lane in which the plan ends and the speed to which it leads; see Planner."""
+        """Return the next lane that the plan enters and the speed to which it leads; see Planner."""
         self._shift(observation.time)
         state = np.array(observation.robot, dtype=float)
         path = np.empty((self._instants + 1, 4))
@@ -170,8 +170,9 @@ class MppiPlanner:
         knots = self._random.standard_normal((rest, KNOTS, 2))
         noise = np.einsum("tk,nkc->ntc", self._from_knots, knots)
         noise *= np.array([options.omega_deviation, options.acceleration_deviation])
-        # Every other sample is around the last plan.
-        around = np.where(np.arange(rest) % 2 == 0, 0, np.arange(rest) % len(middles))
+        # Every other sample is around the last plan, the rest around one simple way after the other.
+        numbers = np.arange(rest)
+        around = np.where(numbers % 2 == 0, 0, 1 + numbers // 2 % (len(middles) - 1))
         return np.concatenate([middles, middles[around] + noise])
 
     def _mean(self, controls: np.ndarray, worths: np.ndarray, ends: np.ndarray) -> np.ndarray:
@@ -181,11 +182,15 @@ class MppiPlanner:
         return np.asarray(np.tensordot(weights / weights.sum(), controls, axes=1))
 
     def _answer(self, observation: Observation, path: np.ndarray) -> Plan:
-        """Return the plan's lane and speed: that which it has after the time in which a speed is tracked."""
+        """Return the first other lane that the path enters, and its speed after the time in which one is tracked.
+
+        Not the lane in which it ends: a path may pass somebody on one side and come back, or go on to the other.
+        """
         road, (x, y, _, speed) = self._road, observation.robot.tolist()
         here = road.lane_at(y, x)
-        lane = road.lane_at(float(path[-1, 1]), float(path[-1, 0]))
-        lane = min(max(lane, here - 1), here + 1)
+        lanes = road.nearest_lanes(path[:, 1], path[:, 0])
+        others = lanes[lanes != here]
+        lane = min(max(int(others[0]), here - 1), here + 1) if len(others) else here
         times = np.arange(len(path)) * self._options.step
         planned = min(float(np.interp(self._settings.speed_response, times, path[:, 3])), self._allowed(path[0]))
         action = IDLE
