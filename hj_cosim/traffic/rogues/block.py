@@ -7,13 +7,21 @@ from pydantic import Field
 from hj_cosim.settings import Settings
 from hj_cosim.settings.base import Metres, MetresPerSecond
 from hj_cosim.traffic.rogues.contract import CarInput, RogueView
-from hj_cosim.traffic.rogues.steering import acceleration_to, along_with_robot, heading_to, is_in_lane
+from hj_cosim.traffic.rogues.steering import (
+    acceleration_to,
+    along_with_robot,
+    heading_to,
+    is_in_lane,
+    lane_beside_robot,
+)
 
 MOST = 3  # that take part
 
 
 class Block:
     """Takes the place around the robot that is left for it among its accomplices: ahead, on the left, on the right.
+
+    On a road of one lane, where nobody can be beside the robot, the places are ahead and behind.
 
     The one ahead drives `slower` than the robot once it is in the robot's lane, so that the robot slows down between
     the others, or runs into it.
@@ -35,10 +43,9 @@ class Block:
         if place is None:
             return None
         lane, ahead = place
-        # Whoever is to be ahead passes the robot in the lane beside it.
+        # Whoever is to be ahead passes the robot in the lane beside it, if there is one, and else follows it.
         if lane == view.robot_lane and view.ahead < view.contact + 1.0 and view.lane == lane:
-            lanes = view.road.lanes_at(view.x)
-            lane = lane + 1 if lane + 1 in lanes else lane - 1
+            lane = lane_beside_robot(view)
         elif lane == view.robot_lane and view.ahead < view.contact + 1.0:
             lane = view.lane
         elif lane == view.robot_lane and is_in_lane(view, lane, 1.0):
@@ -57,7 +64,8 @@ class Block:
         """
         lanes = view.road.lanes_at(float(view.observation.robot[0]))
         beside = [lane for lane in (view.robot_lane + 1, view.robot_lane - 1) if lane in lanes]
-        places = [(view.robot_lane, view.contact + self._options.gap), *((lane, 0.0) for lane in beside)]
+        away = view.contact + self._options.gap
+        places = [(view.robot_lane, away), *([(lane, 0.0) for lane in beside] or [(view.robot_lane, -away)])]
         x, y = view.observation.x, view.observation.y
         robot_x = float(view.observation.robot[0])
 

@@ -11,7 +11,10 @@ ROOM = 0.7  # of the gap, with which it comes into the robot's lane
 
 
 class BrakeCheck:
-    """Waits `gap` ahead of the robot in its lane, and brakes there as hard as its car can."""
+    """Gets ahead of the robot, and brakes as hard as its car can as soon as it is in its lane within `gap`.
+
+    It passes beside the robot and aims for less than `gap`, so that it is within it once it has taken the lane.
+    """
 
     class Options(Settings):
         """How it brakes."""

@@ -38,7 +38,9 @@ def ordinary_input(observation: Observation, car: OwnCar, road: Road, robot_leng
     """
     x, y, speed = (float(each[car.row]) for each in (observation.x, observation.y, observation.speed))
     reach = 0.5 * road.lane_width
-    gap, lead_speed = _leader(observation, car.row, reach, road)
+    gaps, speeds = _ahead(observation, car.row, reach, road)
+    nearest = int(np.argmin(gaps))
+    gap, lead_speed = float(gaps[nearest]), float(speeds[nearest])
     robot_x, robot_y, _, robot_speed = observation.robot.tolist()
     robot_gap = robot_x - x - 0.5 * (robot_length + float(observation.length[car.row]))
     if robot_x > x and abs(robot_y - y) < reach and robot_gap < gap:
@@ -75,11 +77,13 @@ def restrained(wanted: CarInput, observation: Observation, car: OwnCar, road: Ro
             lowest = max(lowest, y - nearest) if side < 0.0 else lowest
     most, least = (_heading(LATERAL_RATE * (bound - y), speed) for bound in (highest, lowest))
     heading = max(min(heading, most), least) if least <= most else 0.0
-    gap, lead_speed = _leader(observation, me, 0.5 * (width + float(observation.width.max())) + 0.3, road)
+    gaps, speeds = _ahead(observation, me, 0.5 * (width + float(observation.width.max())) + 0.3, road)
     close = car.driver.copy()
     close[TIME_HEADWAY], close[MINIMUM_GAP] = CLOSE_HEADWAY, CLOSE_GAP
     close[DESIRED_SPEED], close[MAX_ACCELERATION] = UNHURRIED, limits.acceleration
-    acceleration = min(wanted.acceleration, float(idm_acceleration(speed, gap, lead_speed, close)))
+    # Whoever stands, in the other of two lanes that it is in, counts for more than a nearer one who is fast.
+    followed = min(float(idm_acceleration(speed, *each, close)) for each in zip(gaps, speeds, strict=True))
+    acceleration = min(wanted.acceleration, followed)
     acceleration = max(min(acceleration, limits.acceleration), -limits.braking)
     return CarInput(max(min(heading, limits.heading), -limits.heading), acceleration)
 
@@ -109,17 +113,15 @@ def _heading(across: float, speed: float) -> float:
     return math.asin(max(min(across / max(speed, LEAST_SPEED), 1.0), -1.0))
 
 
-def _leader(observation: Observation, me: int, reach: float, road: Road) -> tuple[float, float]:
-    """Return the gap (m) to the nearest car ahead within `reach` m sideways, or to the lane's end, and its speed."""
+def _ahead(observation: Observation, me: int, reach: float, road: Road) -> tuple[np.ndarray, np.ndarray]:
+    """Return the gaps (K,), m, to the cars ahead within `reach` m sideways, and to the lane's end, and their speeds.
+
+    The end comes last, inf where there is none; it stands. A gap is negative beside who is ahead by less than a length.
+    """
     x, y = float(observation.x[me]), float(observation.y[me])
     length = float(observation.length[me])
-    end = road.lane_end(road.lane_at(y, x), x)
-    gap, lead_speed = end - x - 0.5 * length - END_ROOM, 0.0
     distance = observation.x - x
     ahead = np.flatnonzero((distance > 0.0) & (np.abs(observation.y - y) < reach))
-    if len(ahead):
-        leader = ahead[np.argmin(distance[ahead])]
-        car_gap = float(distance[leader]) - 0.5 * (float(observation.length[leader]) + length)
-        if car_gap < gap:
-            gap, lead_speed = car_gap, float(observation.speed[leader])
-    return gap, lead_speed
+    to_end = road.lane_end(road.lane_at(y, x), x) - x - 0.5 * length - END_ROOM
+    gaps = distance[ahead] - 0.5 * (observation.length[ahead] + length)
+    return np.append(gaps, to_end), np.append(observation.speed[ahead], 0.0)

@@ -37,17 +37,25 @@ def acceleration_to(view: RogueView, along: float, speed: float) -> float:
 
 
 def along_with_robot(view: RogueView, lane: int, ahead: float) -> CarInput:
-    """Return what leads into a lane, to a place `ahead` m ahead of the robot's centre, and keeps it there."""
+    """Return what leads into a lane, to a place `ahead` m ahead of the robot's centre, and keeps it there.
+
+    Where there is no lane in which to pass the robot, it takes the like place on its own side of it, behind or ahead.
+    """
+    if lane == view.robot_lane == lane_beside_robot(view):
+        ahead = math.copysign(ahead, view.ahead)
     acceleration = acceleration_to(view, float(view.observation.robot[0]) + ahead, view.robot_speed)
     return CarInput(heading_to(view, view.road.lane_centre(lane, view.x)), acceleration)
 
 
 def lane_beside_robot(view: RogueView) -> int:
-    """Return the lane next to the robot's on the rogue's side; the left one if it is in the robot's lane."""
+    """Return the lane next to the robot's on the rogue's side; the left one if it is in the robot's lane.
+
+    It is the one on the other side where there is none on this, and the robot's own where there is no other.
+    """
     lanes = view.road.lanes_at(view.x)
     side = 1 if view.lane >= view.robot_lane else -1
-    beside = view.robot_lane + side
-    return beside if beside in lanes else view.robot_lane - side
+    beside = (view.robot_lane + side, view.robot_lane - side)
+    return next((lane for lane in beside if lane in lanes), view.robot_lane)
 
 
 def is_in_lane(view: RogueView, lane: int, within: float = 0.4) -> bool:

@@ -1,6 +1,6 @@
 """Rogues among a few cars at given places in SUMO, and a robot that coasts, or does what a test tells it to."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -53,6 +53,16 @@ def touches(track: dict[str, np.ndarray], other: dict[str, np.ndarray] | None = 
     along = track["ahead"] if other is None else track["x"] - other["x"]
     across = track["aside"] if other is None else track["y"] - other["y"]
     return bool(((np.abs(along) < LENGTH) & (np.abs(across) < WIDTH)).any())
+
+
+def seen(cars: Sequence[tuple[float, ...]], robot: tuple[float, float, float] = (-500.0, 0.0, SPEED)) -> Observation:
+    """Return cars given as (x, y, speed, length), the rogue first, and a robot given as (x, y, speed), all straight."""
+    x, y, speed, length = np.array(cars, float).T
+    none, lane = np.zeros(len(x)), np.zeros(len(x), np.int64)
+    state = np.array([robot[0], robot[1], 0.0, robot[2]])
+    return Observation(
+        0.0, state, 0.0, np.arange(len(x)), x, y, none, speed, none, lane, lane, length, none + WIDTH
+    )  # fmt: skip
 
 
 @contextmanager
