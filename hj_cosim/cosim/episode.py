@@ -184,7 +184,8 @@ def drive(
 
 def _is_judged(observation: Observation) -> bool:
     """Return whether an observation's states are numbers, so that there is something to plan or predict."""
-    return is_possible(observation.robot, observation.x, observation.y, observation.heading, observation.speed)
+    seen = observation
+    return is_possible(seen.robot, seen.x, seen.y, seen.heading, seen.speed, seen.acceleration)
 
 
 def _observe(world: World) -> Observation:

@@ -68,7 +68,7 @@ def _check_observation(seen: Observation, world: World) -> None:
     for name in INTEGERS:
         kind = getattr(seen, name).dtype
         require(np.issubdtype(kind, np.integer), f"{name} is of {kind} {at}; whole numbers are right")
-    possible = is_possible(seen.robot, seen.x, seen.y, seen.heading, seen.speed)
+    possible = is_possible(seen.robot, seen.x, seen.y, seen.heading, seen.speed, seen.acceleration)
     require(possible, f"the robot's or a car's state is not finite {at}")
     require(len(set(seen.vehicle.tolist())) == count, f"two cars have one number {at}")
     named = count == 0 or (seen.vehicle.min() >= 0 and seen.vehicle.max() < len(world.vehicle_names))

@@ -159,6 +159,8 @@ def roll_out_choices(game: Game, search: Search, start: np.ndarray, choices: np.
         if game.evades:
             asked, others = (omega, acceleration), car.copy().reshape(1, 3)
             omega, acceleration, evading = evaded(game, robot, others, inputs, asked, not without, evading)
+            if not math.isnan(evading.lateral):
+                driven = np.int64(NO_MANOEUVRE)
         previous_omega = omega
         may = allowed(game.other, p_x, p_y, robot[3] * math.sin(robot[2]), robot[3], car[2])
         heading, gain = math.asin(_between(choice[0], may.right, may.left)), _between(choice[1], may.least, may.most)

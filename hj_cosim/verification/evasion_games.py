@@ -51,5 +51,5 @@ def evaded(
         minded = np.ones(len(others), np.bool_)
         verdict = keep_escape(game.manoeuvres, robot, others, minded, omega, acceleration, game.step, NO_MANOEUVRE)[2]
         if verdict != PASSED:
-            return asked[0], asked[1], driven
+            return asked[0], asked[1], NO_SHIFT
     return omega, acceleration, driven

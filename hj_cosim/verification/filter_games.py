@@ -203,6 +203,8 @@ def _roll_out(
         if game.evades:
             asked = (omega, acceleration)
             omega, acceleration, evading = evaded(game, robot, others, inputs, asked, has_escape, evading)
+            if not math.isnan(evading.lateral):
+                driven = NO_MANOEUVRE
         previous_omega = omega
         for j in range(cars):
             if adversarial:

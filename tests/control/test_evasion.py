@@ -26,7 +26,7 @@ from hj_cosim.control.spc.evasion import (
     evade,
     outcome,
 )
-from hj_cosim.control.spc.filter import WAS_CAUGHT, WAS_EVADED
+from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE, WAS_CAUGHT, WAS_EVADED
 from hj_cosim.control.spc.kept_escape import KeptEscape
 from hj_cosim.control.spc.last_resort import LastResort
 from hj_cosim.control.spc.pursuit import TURN_RATE, Abilities, Pursuer, Target, pursued
@@ -160,6 +160,30 @@ def test_a_manoeuvre_is_kept_unless_another_is_clearly_better():
     assert evaded(cars, driven=worse)[2] == best
 
 
+def test_who_drives_a_manoeuvre_that_somebody_meets_gives_it_up_for_one_that_nobody_meets():
+    draw, at_once = np.random.default_rng(0), Held(0.0, 0.0, 0.0)
+    ways = [Shift(4.0 + aside, gain) for aside in (0, 1, -1, 2, -2, 3.6, -3.6) for gain in (-6.0, -3.0, 0.0, 2.0, 4.0)]
+    hardly_met = given_up = 0
+    for _ in range(4000):
+        near, other = (
+            draw.uniform([-25, 2.3, -0.1, 14, -3], [15, 6, 0.1, 30, 3]),
+            draw.uniform([-25, 0, -0.1, 14, -3], [15, 12, 0.1, 30, 3]),
+        )
+        near[1] = 4.0 + draw.choice([-1.0, 1.0]) * near[1]
+        cars, driven = rows(near, other), ways[draw.integers(25)]
+        _, verdict, chosen = evaded(cars, driven=driven)
+        if verdict == PASSED:
+            continue
+        before, ends = (outcome(ON_ROAD, AT, at_once, shift, cars, -1.0) for shift in (driven, chosen))
+        assert (verdict == EVADED) is (ends > 2.0 * HORIZON)
+        if 2.0 * HORIZON - 0.35 < before <= 2.0 * HORIZON:  # driven, it may be as much worse than another
+            hardly_met += 1
+            another_is_free = any(outcome(ON_ROAD, AT, at_once, way, cars, -1.0) > 2.0 * HORIZON for way in ways)
+            assert verdict == EVADED or not another_is_free
+            given_up += another_is_free
+    assert hardly_met > given_up > 0
+
+
 def test_no_shift_leads_beyond_the_road():
     at_edge = AT._replace(y=0.0)
     for aside in np.arange(2.3, 3.5, 0.1):
@@ -224,6 +248,28 @@ def test_in_doubt_no_evasion_costs_an_escape(duties, observe):
             assert escape.leaves_one(seen, value, decision.control)
     assert evaded_to > 5
     assert would_cost > 5
+
+
+def test_what_is_not_driven_is_neither_remembered_nor_counted(duties, observe, monkeypatch):
+    draw, asked = np.random.default_rng(6), Control(0.0, 0.0)
+    remembered = []
+    for which in (KeptEscape, LastResort):
+        monkeypatch.setattr(which, "forget", lambda self, forget=which.forget: remembered.append(forget(self) or self))
+    refused = instead = 0
+    for _ in range(500):
+        cars = [[draw.uniform(-9.0, 9.0), 4.0 + draw.uniform(3.0, 4.6), -0.1, draw.uniform(15.0, 25.0)]]
+        cars += [[draw.uniform(-9.0, 9.0), 4.0 - draw.uniform(3.1, 3.8), 0.0, draw.uniform(15.0, 25.0)]]
+        seen = observe([0.0, 4.0, draw.uniform(-0.1, 0.1), 20.0], cars)
+        remembered.clear()
+        decision = FilterInLoop(BEST, duties, ROBOT).filter(seen, asked)
+        evades = bool(decision.diagnostics.keys() & {WAS_EVADED, WAS_CAUGHT})
+        assert not (evades and decision.diagnostics.keys() & {ESCAPED, HAD_NO_ESCAPE})
+        assert [type(each) for each in remembered] in ([], [KeptEscape] if evades else [LastResort])
+        assert not evades or remembered
+        instead += evades
+        refused += bool(remembered) and not evades
+    assert instead > 5
+    assert refused > 5
 
 
 def test_a_manoeuvre_is_forgotten_when_nobody_breaks_a_duty_any_more(duties, observe):

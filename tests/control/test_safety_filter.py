@@ -100,7 +100,7 @@ NOT_FINITE = [math.nan, math.inf, -math.inf, 1e300]
 
 @pytest.mark.parametrize("kind", ["spc", "rss", "none"])
 @pytest.mark.parametrize("bad", NOT_FINITE)
-@pytest.mark.parametrize("where", ["robot", "x", "y", "speed", "heading"])
+@pytest.mark.parametrize("where", ["robot", "x", "y", "speed", "heading", "acceleration"])
 def test_an_observation_that_is_not_finite_brakes_straight_ahead_and_is_counted(table, observe, kind, bad, where):
     seen = observe([0.0, 4.0, 0.1, 24.0], [[30.0, 4.0, 0.0, 20.0], [3.0, 8.0, 0.0, 20.0]])
     array = getattr(seen, where).copy()

@@ -33,6 +33,16 @@ def test_who_is_beside_and_stays_there_or_goes_away_breaks_none():
         assert seen(-1.0, aside, across=0.25) == DOES_DUTIES  # as a driver sways in his lane
 
 
+def test_a_slow_car_that_changes_lanes_where_no_duty_forbids_it_breaks_none():
+    # 1.33 m/s across, a lane in 3 s, is more than the 0.1 rad that the table takes a car to turn.
+    for speed in (4.0, 6.0, 10.0):
+        away, far, ahead = ((0.0, -3.5, 1.33), (0.0, -8.0, -1.33), (-60.0, -4.0, -1.33))
+        for p_x, p_y, across in (away, far, ahead):
+            assert seen(p_x, p_y, v_r=speed, v_o=speed, across=across) == DOES_DUTIES
+        assert seen(0.0, -2.6, v_r=speed, v_o=speed, across=-1.33) == BREAKS
+        assert seen(0.0, -2.6, v_r=speed, v_o=speed, across=1.33) == DOES_DUTIES
+
+
 def test_who_cuts_in_breaks_a_duty_only_where_there_is_no_room():
     assert seen(-12.0, 2.8, across=1.5) == BREAKS  # it is 7 m ahead of a robot as fast
     assert seen(-60.0, 2.8, across=1.5) == DOES_DUTIES

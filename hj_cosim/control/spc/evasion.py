@@ -175,8 +175,8 @@ def _room_from_pursuer(at: Motion, footprint: Footprint, car: np.ndarray) -> flo
 def outcome(evader: Evader, start: Motion, held: Held, shift: Shift, cars: np.ndarray, floor: float) -> float:
     """Return how a manoeuvre ends; the higher, the better.
 
-    Until when nobody is run into whom the robot answers for, s; if to the end, HORIZON and until when nobody runs into
-    it; if nobody does, twice HORIZON and what is left between the bodies, m.
+    Until when nobody is run into whom the robot answers for, s, at most HORIZON; if to the end, HORIZON and until when
+    nobody runs into it, likewise; if nobody does, twice HORIZON and what is left between the bodies, m.
 
     Args:
         evader: the robot.
@@ -204,15 +204,22 @@ def outcome(evader: Evader, start: Motion, held: Held, shift: Shift, cars: np.nd
         for j in range(len(cars)):
             room = _room(evader, at, footprint, time, cars[j])
             if room <= 0.0 and cars[j, ANSWERED] > 0.0:
-                return time
+                return min(time, HORIZON)
             if cars[j, PURSUES] > 0.0:
                 room = min(room, _room_from_pursuer(at, footprint, cars[j]))
             spare = min(spare, room)
         if spare <= 0.0:
-            touched = min(touched, time)
+            touched = min(touched, time, HORIZON)
         if (2.0 * HORIZON + spare if spare > 0.0 else HORIZON + touched) <= floor:
             break
     return 2.0 * HORIZON + spare if spare > 0.0 else HORIZON + touched
+
+
+@kernel
+def _preferred(found: float) -> float:
+    """Return the outcome of the manoeuvre that is driven as it counts among others': a little better, of its kind."""
+    kind_ends = HORIZON if found <= HORIZON else 2.0 * HORIZON if found <= 2.0 * HORIZON else math.inf
+    return min(found + _BETTER, kind_ends)
 
 
 @kernel
@@ -252,7 +259,7 @@ def evade(evader: Evader, start: Motion, cars: np.ndarray, asked: Held, driven: 
             return asked, PASSED, NO_SHIFT
     best, most = NO_SHIFT, -1.0
     if driving:
-        best, most = driven, outcome(evader, start, _AT_ONCE, driven, cars, -1.0) + _BETTER
+        best, most = driven, _preferred(outcome(evader, start, _AT_ONCE, driven, cars, -1.0))
     for which in range(_COUNT):
         shift = _shift(evader, start, which)
         found = outcome(evader, start, _AT_ONCE, shift, cars, most)

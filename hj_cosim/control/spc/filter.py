@@ -87,11 +87,7 @@ class SafetyPreservingFilter:
             answers = robot_answers(observation, cars, *self._body)
             decision = self._nearest.resolve(decision, answers, severity(rows.value, self._epsilon), desired)
         if self._escape is not None:
-            wanted, verdict = self._escape.keep(observation, values.value, decision.control)
-            if verdict != PASSED:
-                decision = _given_way(decision, wanted, _ESCAPES[verdict])
-            if self._last_resort is not None:
-                decision = self._evading(observation, values, decision, self._escape, self._last_resort)
+            decision = self._with_a_way_out(observation, values, decision, self._escape)
         self._nearest.applied_omega = decision.control.omega
         return decision
 
@@ -107,26 +103,26 @@ class SafetyPreservingFilter:
         found = SafetyRows(observation.vehicle[cars[kept]], *rows)
         return found if found.are_possible else None
 
-    def _evading(
-        self,
-        observation: Observation,
-        values: CarValues,
-        decision: RowsDecision,
-        escape: KeptEscape,
-        last_resort: LastResort,
+    def _with_a_way_out(
+        self, observation: Observation, values: CarValues, decision: RowsDecision, escape: KeptEscape
     ) -> RowsDecision:
-        """Return the decision, or an evasive manoeuvre's where somebody breaks a duty and nothing else is left.
+        """Return the decision, or a manoeuvre's: of an escape, or of an evasion where nothing else is left.
 
-        As long as a breach is in doubt the escape comes first: no evasion may cost one that there is.
+        As long as a breach of duty is in doubt the escape comes first: no evasion may cost one that there is.
         """
-        evasion = last_resort.evasion(observation, decision.control)
+        wanted, verdict = escape.keep(observation, values.value, decision.control)
+        kept = decision if verdict == PASSED else _given_way(decision, wanted, _ESCAPES[verdict])
+        if self._last_resort is None:
+            return kept
+        evasion = self._last_resort.evasion(observation, kept.control)
         if evasion is None:
-            return decision
-        diagnostics: Mapping[str, float] = {WAS_CAUGHT if evasion.is_caught else WAS_EVADED: 1}
-        evading = _given_way(decision, evasion.control, diagnostics)
-        keeps_escape = evasion.is_in_doubt and HAD_NO_ESCAPE not in decision.diagnostics
-        if keeps_escape and not escape.leaves_one(observation, values.value, evading.control):
-            return decision
+            return kept
+        evading = _given_way(decision, evasion.control, {WAS_CAUGHT if evasion.is_caught else WAS_EVADED: 1})
+        escape_comes_first = evasion.is_in_doubt and verdict != NO_ESCAPE
+        if escape_comes_first and not escape.leaves_one(observation, values.value, evading.control):
+            self._last_resort.forget()
+            return kept
+        escape.forget()
         return evading
 
 

@@ -43,6 +43,10 @@ class KeptEscape:
         omega, acceleration, verdict, self._driven = self._judged(observation, value, asked)
         return (asked if verdict == PASSED else Control(omega, acceleration)), verdict
 
+    def forget(self) -> None:
+        """Remember no manoeuvre: something else is driven."""
+        self._driven = NO_MANOEUVRE
+
     def leaves_one(self, observation: Observation, value: np.ndarray, control: Control) -> bool:
         """Return whether a control leaves an escape; nothing is driven or remembered."""
         return bool(self._judged(observation, value, control)[2] == PASSED)

@@ -46,7 +46,7 @@ class LastResort:
         evade(evader, _motion(observation), cars, Held(0.0, 0.0, self._step), NO_SHIFT)
 
     def evasion(self, observation: Observation, asked: Control) -> Evasion | None:
-        """Return what to do instead of what is asked for, None where that may pass."""
+        """Return what to do instead of what is asked for, None where that may pass; `forget` it if it is not done."""
         evader, cars, gravest = self._seen(observation)
         if len(cars) == 0:
             self._driven = NO_SHIFT
@@ -56,6 +56,10 @@ class LastResort:
         if verdict == PASSED:
             return None
         return Evasion(Control(control.omega, control.acceleration), verdict == CAUGHT, gravest < BREAKS)
+
+    def forget(self) -> None:
+        """Remember no manoeuvre: the last one is not driven after all."""
+        self._driven = NO_SHIFT
 
     def _seen(self, observation: Observation) -> tuple[Evader, np.ndarray, int]:
         """Return the robot, the cars that count, and the gravest breach, as of `cars_to_evade`."""

@@ -24,7 +24,7 @@ def car_values(table: ValueTable, observation: Observation) -> CarValues:
     """
     seen = observation
     value, gradient, least, nearest = _car_values(
-        *table.stack, seen.robot, seen.x, seen.y, seen.heading, seen.speed, seen.length, seen.width
+        *table.stack, seen.robot, seen.x, seen.y, seen.heading, seen.speed, seen.acceleration, seen.length, seen.width
     )
     return CarValues(value, gradient, least, nearest)
 
@@ -67,7 +67,7 @@ def rows_of_cars(
     return cars, np.vstack([value[cars], planes])
 
 
-# Nine parameters: a NamedTuple of arrays costs a microsecond to hand over, at every step.
+# Ten parameters: a NamedTuple of arrays costs a microsecond to hand over, at every step.
 @njit(cache=True)
 def _car_values(
     flat: np.ndarray,
@@ -77,6 +77,7 @@ def _car_values(
     y: np.ndarray,
     heading: np.ndarray,
     speed: np.ndarray,
+    acceleration: np.ndarray,
     length: np.ndarray,
     width: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, float, int]:
@@ -86,7 +87,7 @@ def _car_values(
     of its numbers once.
     """
     value, gradient = np.full(len(x), np.nan), np.zeros((len(x), 5))
-    if not is_possible(robot, x, y, heading, speed):
+    if not is_possible(robot, x, y, heading, speed, acceleration):
         return value, gradient, math.nan, NOBODY
     least, nearest, known = math.inf, NOBODY, True
     for kind in range(len(numbers)):

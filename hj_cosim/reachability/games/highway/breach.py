@@ -1,7 +1,8 @@
 """Who is seen to break a duty that the game `responsible` counts on (`other_car`; jitted).
 
 V among cars that do their duties promises nothing of one that does not. Seen is how a car moves now: across the road
-towards a robot that it has to leave room beside, or on at a robot that it has to brake for. A car that moves across
+towards a robot that it has to leave room beside, or on at a robot that it has to brake for. Who turns farther than the
+table takes a car to turn, as slow ones do who change lanes, breaks no duty by that alone. A car that moves across
 cannot stop at once, as the game's can, so that a breach is foreseen where it would break its duty by going on for a
 moment. Beyond doubt is only what it did not have the right to do a moment ago, either.
 
@@ -53,7 +54,8 @@ def breach(
             before = allowed(other, x, y, leftwards, v_r, v_o)
             right, left, most = min(right, before.right), max(left, before.left), max(most, before.most)
     comes_on = _comes_on(other, p_x + DOUBT_ALONG, abs(p_y) + DOUBT_ACROSS, v_r, v_o)
-    if (comes_on and gain > most + DOUBT_OF_BRAKING + ALONG) or _is_beyond(right, left, v_o, across):
+    presses_in = _is_beyond(other, right, left, v_o, across)
+    if presses_in or (comes_on and gain > most + DOUBT_OF_BRAKING + ALONG):
         return BREAKS
     comes_on = _comes_on(other, p_x, abs(p_y), v_r, v_o)
     if comes_on and gain > allowed(other, p_x, p_y, leftwards, v_r, v_o).most + ALONG:
@@ -62,7 +64,7 @@ def breach(
         return DOES_DUTIES
     nearer = math.copysign(max(abs(p_y) - FORESIGHT * abs(across), 0.0), p_y)
     then = allowed(other, p_x, nearer, leftwards, v_r, v_o)
-    return WILL_BREAK if _is_beyond(then.right, then.left, v_o, across) else DOES_DUTIES
+    return WILL_BREAK if _is_beyond(other, then.right, then.left, v_o, across) else DOES_DUTIES
 
 
 @kernel
@@ -73,6 +75,12 @@ def _comes_on(other: Disturbance, p_x: float, beside: float, v_r: float, v_o: fl
 
 
 @kernel
-def _is_beyond(right: float, left: float, speed: float, across: float) -> bool:
-    """Return whether a speed across the road, m/s, is beyond what the least and the greatest sin θ_o allow."""
-    return across > speed * left + ACROSS or across < speed * right - ACROSS
+def _is_beyond(other: Disturbance, right: float, left: float, speed: float, across: float) -> bool:
+    """Return whether a speed across the road, m/s, is beyond what a duty leaves of it.
+
+    The duty leaves a share of what the car could do if it had none: the least and the greatest sin θ_o, `right` and
+    `left`, as a share of the heading limit's, of what that limit makes at its speed or of what it does if that is more.
+    """
+    sine = math.sin(other.heading_max)
+    share = (left if across > 0.0 else -right) / sine
+    return abs(across) > share * max(abs(across), speed * sine) + ACROSS
