@@ -24,6 +24,7 @@ import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import entry_points
+from numbers import Real
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -34,6 +35,8 @@ from hj_cosim.settings import Settings, shown, validate
 
 # s; an answer that took longer ends the episode. What has to be compiled can be so in `prepare`, which may take longer.
 SLOWEST_ANSWER = 10.0
+# What a stranger's code may end with, that a sentence is made of; Ctrl-C is not among it.
+STRANGERS_ERRORS = (Exception, SystemExit)
 
 
 @dataclass(frozen=True)
@@ -174,7 +177,7 @@ def _named_module(name: str, asked: str) -> ModuleType:
             missing = f"{asked}: there is no module {error.name!r}; is its package installed?"
             raise ConfigurationError(missing) from error
         raise _not_imported(name, asked, error) from error
-    except (Exception, SystemExit) as error:  # a stranger's code may raise anything
+    except STRANGERS_ERRORS as error:
         raise _not_imported(name, asked, error) from error
 
 
@@ -200,7 +203,7 @@ def _file_module(path: Path, asked: str) -> ModuleType:
     sys.modules[name] = module  # dataclasses, pickle and Numba's cache look a module up by its name
     try:
         specification.loader.exec_module(module)
-    except (Exception, SystemExit) as error:  # a stranger's code may raise anything
+    except STRANGERS_ERRORS as error:
         del sys.modules[name]
         raise _not_imported(str(path), asked, error) from error
     return module
@@ -283,11 +286,11 @@ def construct(kind: PluginKind, plugin: object, offered: Mapping[str, object]) -
         return plugin(**handed)
     except HjCosimError:
         raise
-    except Exception as error:  # a stranger's code may raise anything
+    except STRANGERS_ERRORS as error:
         raise failure(plugin, "__init__", error) from error
 
 
-def failure(plugin: object, method: str, error: Exception) -> PluginError:
+def failure(plugin: object, method: str, error: BaseException) -> PluginError:
     """Return what to raise where a plug-in's method raised: one sentence with the file and line where it did.
 
     Whoever calls a plug-in catches whatever it raises, for a run that goes on to a sentence or, in a study, to the next
@@ -309,6 +312,11 @@ def wrong_answer(plugin: object, method: str, what: str) -> PluginError:
         what: goes on after "returned", and says what would be right.
     """
     return PluginError(f"{_place_of_method(plugin, method)}: {type(plugin).__name__}.{method} returned {what}")
+
+
+def is_number(value: object) -> bool:
+    """Return whether an answer is one number, finite or not, of Python's or NumPy's."""
+    return isinstance(value, Real)
 
 
 def require_quick(plugin: object, method: str, seconds: float) -> None:

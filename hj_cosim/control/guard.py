@@ -8,13 +8,14 @@ control is not finite, that braking is what is filtered instead. Both are counte
 import math
 import time
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from hj_cosim.control.contract import FilterDecision, PreparedFilter, SafetyFilter
 from hj_cosim.errors import HjCosimError
-from hj_cosim.plugins import failure, require_quick, wrong_answer
+from hj_cosim.plugins import STRANGERS_ERRORS, failure, is_number, require_quick, wrong_answer
 from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.settings import RobotSettings
 
@@ -22,6 +23,7 @@ NOT_JUDGED = "could not judge"
 DESIRED_NOT_FINITE = "desired not finite"
 # s, in which a robot that cannot judge turns to the road's direction.
 STRAIGHTENING_TIME = 0.5
+_MOST_CONSTRAINTS = 2**31  # what a recorded column has room for
 
 
 class GuardedFilter:
@@ -53,7 +55,7 @@ class GuardedFilter:
             self._filter.prepare(observation, values)
         except HjCosimError:
             raise
-        except Exception as error:  # a stranger's code may raise anything
+        except STRANGERS_ERRORS as error:
             raise failure(self._filter, "prepare", error) from error
 
     def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
@@ -74,33 +76,18 @@ class GuardedFilter:
             decision = self._filter.filter(observation, values, wanted)
         except HjCosimError:
             raise
-        except Exception as error:  # a stranger's code may raise anything
+        except STRANGERS_ERRORS as error:
             raise failure(self._filter, "filter", error) from error
         require_quick(self._filter, "filter", time.perf_counter() - started)
-        omega, acceleration = self._numbers(decision)
+        if what := _wrong(decision, len(observation.vehicle)):
+            raise wrong_answer(self._filter, "filter", what)
+        omega, acceleration = float(decision.control.omega), float(decision.control.acceleration)
         if decision.diagnostics:
             self.counts.update(decision.diagnostics)
         if not math.isfinite(omega + acceleration):
             return self._not_judged(observation)
         control = self._within_limits(decision.control, float(observation.robot[3]))
         return decision if control is decision.control else replace(decision, control=control)
-
-    def _numbers(self, decision: FilterDecision) -> tuple[float, float]:
-        """Return ω and a of an answer, which has to be one; they may be NaN."""
-        try:
-            control = decision.control
-            omega, acceleration = float(control.omega), float(control.acceleration)
-            if math.isfinite(decision.slack) and decision.constraints >= 0:
-                return omega, acceleration
-        except (AttributeError, TypeError, ValueError) as error:
-            raise wrong_answer(
-                self._filter, "filter", f"{_short(decision)}, which is no FilterDecision of numbers"
-            ) from error
-        raise wrong_answer(
-            self._filter,
-            "filter",
-            f"slack = {decision.slack}, constraints = {decision.constraints}; a finite slack and a count are right",
-        )
 
     def _not_judged(self, observation: Observation) -> FilterDecision:
         self.counts[NOT_JUDGED] += 1
@@ -135,6 +122,34 @@ class GuardedFilter:
         heading, speed = float(robot[2]), float(robot[3])
         omega = -heading / STRAIGHTENING_TIME if math.isfinite(heading) else 0.0
         return self._within_limits(Control(omega, self._robot.acceleration_min), speed)
+
+
+def _wrong(decision: object, cars: int) -> str:
+    """Return what is wrong with an answer about so many cars, to go on after "returned"; empty if nothing is.
+
+    A control may be NaN or infinite: so a filter says that it cannot judge.
+    """
+    if not (isinstance(decision, FilterDecision) and isinstance(decision.control, Control)):
+        return f"{_short(decision)}, which is no FilterDecision with a Control"
+    slack, constraints, belief = decision.slack, decision.constraints, decision.belief
+    if not (is_number(decision.control.omega) and is_number(decision.control.acceleration)):
+        return f"{_short(decision)}, which is no FilterDecision of numbers"
+    is_count = is_number(constraints) and constraints in range(_MOST_CONSTRAINTS)
+    if not (is_count and is_number(slack) and math.isfinite(slack)):
+        return f"slack = {_short(slack)}, constraints = {_short(constraints)}; a finite slack and a count are right"
+    if belief is not None:
+        numbers = np.asarray(belief)
+        if numbers.shape != (cars,) or numbers.dtype.kind not in "fiu" or not ((numbers >= 0) & (numbers <= 1)).all():
+            return f"belief = {_short(belief)}; a probability of each of the {cars} cars is right"
+    if decision.diagnostics and not _are_numbers_by_name(decision.diagnostics):
+        return f"diagnostics = {_short(decision.diagnostics)}; finite numbers by name are right"
+    return ""
+
+
+def _are_numbers_by_name(diagnostics: object) -> bool:
+    return isinstance(diagnostics, Mapping) and all(
+        isinstance(name, str) and is_number(value) and math.isfinite(value) for name, value in diagnostics.items()
+    )
 
 
 def _short(value: object) -> str:

@@ -2,10 +2,11 @@
 
 import math
 import time
+from dataclasses import replace
 
 from hj_cosim.errors import HjCosimError
 from hj_cosim.planning.contract import ACTION_COUNT, Plan, Planner, PreparedPlanner
-from hj_cosim.plugins import failure, require_quick, wrong_answer
+from hj_cosim.plugins import STRANGERS_ERRORS, failure, is_number, require_quick, wrong_answer
 from hj_cosim.scene.observation import FARTHEST, Observation, Target
 from hj_cosim.scene.road import Road
 
@@ -35,7 +36,7 @@ class GuardedPlanner:
             self._planner.prepare(observation)
         except HjCosimError:
             raise
-        except Exception as error:  # a stranger's code may raise anything
+        except STRANGERS_ERRORS as error:
             raise failure(self._planner, "prepare", error) from error
 
     def plan(self, observation: Observation, previous: Target) -> Plan:
@@ -50,32 +51,26 @@ class GuardedPlanner:
             plan = self._planner.plan(observation, previous)
         except HjCosimError:
             raise
-        except Exception as error:  # a stranger's code may raise anything
+        except STRANGERS_ERRORS as error:
             raise failure(self._planner, "plan", error) from error
         require_quick(self._planner, "plan", time.perf_counter() - started)
         if what := self._wrong(plan):
             raise wrong_answer(self._planner, "plan", what)
-        return plan
+        # A float32, as of a neural network, would have the tracker's and the filter's kernels compiled once more.
+        return replace(plan, action=int(plan.action), target=Target(int(plan.target.lane), float(plan.target.speed)))
 
     def _wrong(self, plan: object) -> str:
         """Return what is wrong with an answer, to go on after "returned"; empty if nothing is."""
         if not (isinstance(plan, Plan) and isinstance(plan.target, Target)):
             return f"{_short(plan)}, which is no Plan with a Target"
         lane, speed, action = plan.target.lane, plan.target.speed, plan.action
-        if not (_is_number(lane) and lane == int(lane) and 0 <= lane < self._lane_count):
+        if not (is_number(lane) and math.isfinite(lane) and lane == int(lane) and 0 <= lane < self._lane_count):
             return f"a target in lane {_short(lane)}; the road has the lanes 0 to {self._lane_count - 1}"
-        if not (_is_number(speed) and 0.0 <= speed <= FARTHEST):
+        if not (is_number(speed) and 0.0 <= speed <= FARTHEST):
             return f"a target speed of {_short(speed)}; 0 m/s or more is a speed"
-        if not (_is_number(action) and action in range(ACTION_COUNT)):
+        if not (is_number(action) and action in range(ACTION_COUNT)):
             return f"the action {_short(action)}; the actions are 0 to {ACTION_COUNT - 1} (planning/contract.py)"
         return ""
-
-
-def _is_number(value: object) -> bool:
-    try:
-        return math.isfinite(value)  # type: ignore[arg-type]
-    except TypeError:
-        return False
 
 
 def _short(value: object) -> str:

@@ -3,10 +3,13 @@
 import json
 import math
 import re
+import sys
 import time
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -18,6 +21,7 @@ from hj_cosim.cosim.episode import drive, fallback_summary
 from hj_cosim.errors import ConfigurationError, PluginError
 from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.contract import Plan
+from hj_cosim.planning.guard import GuardedPlanner
 from hj_cosim.planning.idle import IdlePlanner
 from hj_cosim.scene.observation import Control, Target
 from hj_cosim.settings import CarStart
@@ -147,6 +151,7 @@ class Filtering:
 
 NO_PLANS = {
     "raised ZeroDivisionError: division by zero": lambda seen, previous: 1 / 0,
+    "raised SystemExit: 0": lambda seen, previous: sys.exit(0),
     "returned None, which is no Plan": lambda seen, previous: None,
     "returned a target in lane 9; the road has the lanes 0 to 3": lambda seen, previous: Plan(0, Target(9, 20.0)),
     "returned a target in lane 0.5": lambda seen, previous: Plan(0, Target(0.5, 20.0)),
@@ -164,8 +169,34 @@ def test_a_plan_that_is_none_ends_the_drive_in_a_sentence(small_table, said):
     assert "\n" not in str(raised.value)
 
 
+def test_numbers_of_numpy_in_a_plan_become_pythons_and_compile_nothing_anew(small_table):
+    answer = Plan(np.int64(1), Target(np.int32(2), np.float32(20.5)))
+    planned = GuardedPlanner(Planning(lambda seen, previous: answer), FakeWorld().road).plan(None, Target(0, 0.0))
+    assert planned == Plan(1, Target(2, 20.5))
+    assert [type(each) for each in (planned.action, planned.target.lane, planned.target.speed)] == [int, int, float]
+
+
 NO_DECISIONS = {
     "raised KeyError: 'row'": lambda seen, values, desired: {}["row"],
+    "raised SystemExit: 5": lambda seen, values, desired: sys.exit(5),
+    "returned namespace(control": lambda seen, values, desired: SimpleNamespace(
+        control=desired, slack=0.0, constraints=0, diagnostics={}, belief=None
+    ),
+    "returned FilterDecision(control=Control(omega='0.0'": lambda seen, values, desired: FilterDecision(
+        Control("0.0", "1.0")
+    ),
+    "returned slack = 0.0, constraints = 10": lambda seen, values, desired: FilterDecision(desired, 10**30),
+    "returned slack = 0.0, constraints = 0.5": lambda seen, values, desired: FilterDecision(desired, 0.5),
+    "returned belief = 'abc'": lambda seen, values, desired: FilterDecision(desired, belief="abc"),
+    "returned belief = array([0., 0.])": lambda seen, values, desired: FilterDecision(desired, belief=np.zeros(2)),
+    "returned belief = array([nan": lambda seen, values, desired: FilterDecision(
+        desired, belief=np.full(len(seen.x), math.nan)
+    ),
+    "returned diagnostics = {5: 1}": lambda seen, values, desired: FilterDecision(desired, diagnostics={5: 1}),
+    "returned diagnostics = {'a': nan}": lambda seen, values, desired: FilterDecision(
+        desired, diagnostics={"a": math.nan}
+    ),
+    "returned diagnostics = ['a']": lambda seen, values, desired: FilterDecision(desired, diagnostics=["a"]),
     "returned None, which is no FilterDecision": lambda seen, values, desired: None,
     "returned Control(omega=": lambda seen, values, desired: desired,
     "returned FilterDecision(control=None": lambda seen, values, desired: FilterDecision(None),

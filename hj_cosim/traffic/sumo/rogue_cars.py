@@ -1,12 +1,13 @@
 """The rogues' cars in SUMO: ordinary cars until they begin, then moved from outside, as the robot is."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from hj_cosim.errors import HjCosimError
-from hj_cosim.plugins import failure, plugin_name, wrong_answer
+from hj_cosim.plugins import STRANGERS_ERRORS, failure, is_number, plugin_name, wrong_answer
 from hj_cosim.scene.observation import Observation
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import RobotSettings, RogueSettings
@@ -168,10 +169,10 @@ def _asked(behaviour: Behaviour, view: RogueView) -> CarInput | None:
         answer = behaviour.act(view)
     except HjCosimError:
         raise
-    except Exception as error:
+    except STRANGERS_ERRORS as error:
         raise failure(behaviour, "act", error) from error
     if answer is None:
         return None
-    if not isinstance(answer, CarInput) or not np.isfinite(answer).all():
+    if not isinstance(answer, CarInput) or not all(is_number(wanted) and math.isfinite(wanted) for wanted in answer):
         raise wrong_answer(behaviour, "act", f"{answer!r}; a CarInput of finite numbers, or None, is right")
     return answer

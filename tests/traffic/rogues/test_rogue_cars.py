@@ -1,5 +1,7 @@
 """Rogues' cars in SUMO: when they begin, what they respect, who sees them, and whose they are."""
 
+import sys
+
 import numpy as np
 import pytest
 from rogue_scenes import SPEED, STEP, TRAFFIC_STEP, coast, scene, touches
@@ -48,6 +50,21 @@ class Broken:
 
     def act(self, view):
         raise ValueError("no idea")
+
+
+class Leaving:
+    def act(self, view):
+        sys.exit(3)
+
+
+class Texts:
+    def act(self, view):
+        return CarInput("0.0", "1")
+
+
+class Arrays:
+    def act(self, view):
+        return CarInput(np.array([0.01]), np.array([1.0]))
 
 
 class Nonsense:
@@ -133,7 +150,8 @@ def test_a_rogue_begins_near_the_robot_and_not_too_early(drive, rogue, settings)
 
 
 def test_what_is_no_input_is_refused_with_the_behaviours_place(rogue):
-    for behaviour, said in ((Broken, "ValueError: no idea"), (Nonsense, "a CarInput of finite numbers")):
+    said_of = {Broken: "ValueError: no idea", Leaving: "SystemExit: 3"}
+    for behaviour, said in {**said_of, **dict.fromkeys((Nonsense, Texts, Arrays), "a CarInput of finite")}.items():
         with scene([rogue(behaviour, 2, 10.0)]) as world, pytest.raises(PluginError, match=said) as refused:
             world.step(world.observe().robot, 0.0)
         assert "test_rogue_cars.py" in str(refused.value)
