@@ -37,7 +37,7 @@ def parse_variation(text: str) -> Variation:
         raise ConfigurationError(
             f"--vary {shown(text)}: write KEY=VALUE,VALUE, for example planner.gamma_r=0.8,0.9,1.0"
         )
-    if len(set(values)) < len(values):
+    if len({repr(_value(key, value)) for value in values}) < len(values):  # 0.8 and 8e-1 are one
         raise ConfigurationError(f"--vary {shown(text)}: a value is there twice; every value makes rows of its own")
     if key in _KEYS_OF_A_ROW:
         raise ConfigurationError(

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hj_cosim.errors import TableError
 from hj_cosim.reachability.table.cars import car_values, rows_of_cars, smooth_gradients
 from hj_cosim.reachability.table.size_classes import SIZE_CLASSES, class_of, classes_met
 from hj_cosim.reachability.table.sized import kept_tables, load_tables, read_tables, with_classes
@@ -72,6 +73,11 @@ def test_a_class_that_turns_out_to_be_met_is_added_in_its_place(small_specificat
     more = with_classes(table, name, (VAN,), robot=ROBOT)
     assert [each.size for each in more.by_size] == list(SIZE_CLASSES)
     assert more.larger[1] is table.larger[0]
+
+
+def test_a_table_that_no_robot_can_use_is_refused_before_it_is_solved():
+    with pytest.raises(TableError, match="double_integrator has the state position, velocity; planning and filtering"):
+        load_tables("double_integrator", (CAR,), robot=ROBOT, announce=lambda said: pytest.fail(said))
 
 
 def test_a_game_that_says_nothing_about_sizes_has_one_table_for_all(tmp_path):

@@ -62,6 +62,7 @@ def test_run_folders_are_named_for_what_varies_only():
         ("=0.8,0.9", "write KEY=VALUE,VALUE"),
         ("planner.gamma_r=0.8,,0.9", "write KEY=VALUE,VALUE"),
         ("planner.gamma_r=0.8,0.8", "a value is there twice"),
+        ("planner.gamma_r=0.8,0.9,8e-1", "a value is there twice"),
         ("planner.kind=hjop,op", "a study sets planner.kind itself"),
         ("seed=1,2", "a study sets seed itself"),
     ],

@@ -39,7 +39,7 @@ import numpy as np
 from numba import cfunc, njit, types
 from numba.core.errors import NumbaError
 
-from hj_cosim.errors import ConfigurationError
+from hj_cosim.errors import ConfigurationError, TableError
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.scene.observation import Cars
 from hj_cosim.settings import Boundary, RobotSettings, TableSpecification
@@ -174,6 +174,18 @@ class Game:
     def dimension(self) -> int:
         """Number of state variables."""
         return len(self.state)
+
+    def require_two_cars(self) -> None:
+        """Check that its state is that of the robot and one other car, which planning and filtering look up.
+
+        Raises:
+            TableError: if it is another.
+        """
+        if self.state != TWO_CARS:
+            raise TableError(
+                f"a table of {self.name} has the state {', '.join(self.state)};"
+                f" planning and filtering need {', '.join(TWO_CARS)}"
+            )
 
     def parameter_values(self, overrides: Mapping[str, float], source: str) -> np.ndarray:
         """Return the parameters as the functions take them, (len(parameters),) float32.

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
+from hj_cosim.reachability.games.catalogue import find_game
 from hj_cosim.reachability.games.contract import SizeClass
 from hj_cosim.reachability.solver.solver import Progress
 from hj_cosim.reachability.table.size_classes import CAR, SIZE_CLASSES
@@ -57,9 +58,10 @@ def load_tables(
         sizes: of the other cars that are met.
 
     Raises:
-        ConfigurationError, TableError: as `store.load_table`.
+        ConfigurationError, TableError: as `store.load_table`; and if its game is not one of two cars.
     """
     kept = kept_tables(name_or_path, robot, sizes)
+    find_game(kept[0].specification.dynamics).require_two_cars()  # now, rather than after a solve
     table, *larger = (load_table(name_or_path, progress, robot=robot, size=one.size, announce=announce) for one in kept)
     return replace(table, larger=tuple(larger))
 

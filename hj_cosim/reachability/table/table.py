@@ -58,11 +58,7 @@ class ValueTable:
             TableError: if it is not a table of a game of two cars.
         """
         game, grid = self.game, self.grid
-        if game.state != TWO_CARS:
-            raise TableError(
-                f"a table of {game.name} has the state {', '.join(game.state)};"
-                f" planning and filtering need {', '.join(TWO_CARS)}"
-            )
+        game.require_two_cars()
         lower, upper, spacing = np.array(grid.lower), np.array(grid.upper), np.array(grid.spacing)
         shear = 0.0 if game.shear is None else self.parameters[game.shear.parameter]
         if game.target_formula is None:
