@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Generator, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from queue import Empty, Queue
 from typing import Any
@@ -53,24 +53,36 @@ class LocalWorkers:
         waiting: Queue[EpisodeJob] = Queue()
         for job in jobs:
             waiting.put(job)
-        done: Queue[Outcome | WorkerError] = Queue()
+        done: Queue[Outcome | BaseException] = Queue()
         setup = pickle.dumps(function)
         with temporary_folder() as logs:
             keepers = [_WorkerKeeper(logs / f"{number}.log", setup) for number in range(min(self.count, len(jobs)))]
             threads = [threading.Thread(target=keeper.serve, args=(waiting, done, self._started)) for keeper in keepers]
             try:
                 for thread in threads:
-                    thread.start()
+                    _start(thread)
                 for _ in jobs:
                     result = done.get()
-                    if isinstance(result, WorkerError):
+                    if isinstance(result, BaseException):
                         raise result
                     yield result
             finally:
                 for keeper in keepers:
                     keeper.leave()
                 for thread in threads:
-                    thread.join()
+                    if thread.ident is not None:  # one that could not be started cannot be waited for
+                        thread.join()
+
+
+def _start(thread: threading.Thread) -> None:
+    try:
+        thread.start()
+    except RuntimeError as error:  # the system has no more of them
+        raise WorkerError(_not_started("a thread that keeps a worker process", error)) from error
+
+
+def _not_started(what: str, error: Exception) -> str:
+    return f"{what} could not be started: {error}; --resume goes on with what is left, --workers with fewer of them"
 
 
 class _WorkerKeeper:
@@ -86,18 +98,19 @@ class _WorkerKeeper:
     def serve(
         self,
         waiting: "Queue[EpisodeJob]",
-        done: "Queue[Outcome | WorkerError]",
+        done: "Queue[Outcome | BaseException]",
         started: Callable[[EpisodeJob], None],
     ) -> None:
-        """Have jobs carried out until there are none, or `leave` is called."""
+        """Have jobs carried out until there are none, or `leave` is called; what is raised here is put in `done`."""
         try:
             while (worker := self._present_worker()) is not None:
-                job = waiting.get_nowait()
+                try:
+                    job = waiting.get_nowait()
+                except Empty:
+                    break
                 started(job)
                 done.put(worker.carry_out(job))
-        except Empty:
-            pass
-        except WorkerError as error:
+        except BaseException as error:  # noqa: BLE001 - raised again by `run`, which would wait for ever without it
             done.put(error)
         finally:
             self.leave()
@@ -115,7 +128,7 @@ class _WorkerKeeper:
         """Return the process, a new one in place of one that died; None after `leave`.
 
         Raises:
-            WorkerError: if a new process does not get as far as being ready.
+            WorkerError: if a new process cannot be started, or does not get as far as being ready.
         """
         with self._lock:
             if self._left:
@@ -123,7 +136,11 @@ class _WorkerKeeper:
             if self._worker is None or self._worker.is_dead():
                 if self._worker is not None:
                     self._worker.dispose()
-                self._worker = _WorkerProcess(self._log)
+                    self._worker = None
+                try:
+                    self._worker = _WorkerProcess(self._log)
+                except OSError as error:
+                    raise WorkerError(_not_started("a worker process", error)) from error
         if self._worker.set_up(self._setup) or self._left:
             return self._worker
         raise WorkerError(f"a worker process could not start; it said: {self._worker.log_text().strip() or 'nothing'}")
@@ -133,18 +150,28 @@ class _WorkerProcess:
     """A process that runs `study.worker`."""
 
     def __init__(self, log: Path) -> None:
+        """Start it.
+
+        Args:
+            log: the file that what it prints is appended to.
+
+        Raises:
+            OSError: if the system has no room for the file or the process.
+        """
         self._log_path = log
-        self._log = log.open("ab")
         self._is_set_up = False
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "hj_cosim.study.worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._log,
-            # The worker finds what this process finds: the function that drives an episode may be a user's own.
-            env={**os.environ, **_SINGLE_THREADED, "PYTHONPATH": os.pathsep.join(path or "." for path in sys.path)},
-            start_new_session=True,  # Ctrl-C reaches the study alone, which then ends its workers
-        )
+        with ExitStack() as on_failure:
+            self._log = on_failure.enter_context(log.open("ab"))
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "hj_cosim.study.worker"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._log,
+                # The worker finds what this process finds: the function that drives an episode may be a user's own.
+                env={**os.environ, **_SINGLE_THREADED, "PYTHONPATH": os.pathsep.join(path or "." for path in sys.path)},
+                start_new_session=True,  # Ctrl-C reaches the study alone, which then ends its workers
+            )
+            on_failure.pop_all()
 
     def set_up(self, setup: bytes) -> bool:
         """Return whether the process is ready for jobs; the first time, hand it the function."""
@@ -200,7 +227,14 @@ class _WorkerProcess:
 
     def _how_it_ended(self) -> str:
         status = self._process.wait()
-        return f"was killed by {signal.Signals(-status).name}" if status < 0 else f"ended with exit status {status}"
+        return f"was killed by {_signal_name(-status)}" if status < 0 else f"ended with exit status {status}"
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:  # most real-time signals have none
+        return f"signal {number}"
 
 
 _NOTHING = object()  # the reply of a dead process

@@ -36,13 +36,13 @@ def main() -> None:
 def _receive(stream: BinaryIO, requests: "SimpleQueue[bytes]") -> None:
     """Pass on what the study sends; when the study is gone, be gone at once, in the middle of an episode, too.
 
-    The outer pickle frames a request and can always be read here; what is within may fail to, over a module that is
-    not there, which must end the process and not this thread alone.
+    The outer pickle frames a request and can always be read here unless the study died over writing it; what is within
+    may fail to, over a module that is not there, which must end the process and not this thread alone.
     """
     try:
         while True:
             requests.put(pickle.load(stream))
-    except EOFError:
+    except (EOFError, pickle.UnpicklingError):  # between two requests, or within one
         os._exit(0)
 
 

@@ -50,7 +50,7 @@ def _misses_by(row: np.ndarray, first: int, omega: float, acceleration: float, b
     return -(p * omega + q * acceleration + row[first + 3]) / max(reach, _NO_REACH)
 
 
-# Eight parameters, one of them the row that is written.
+# One of the parameters is written: the row.
 @kernel
 def begun_row(
     row: np.ndarray,
