@@ -3,17 +3,24 @@
 from dataclasses import fields
 
 from hj_cosim.control.belief.believing_filter import BelievingFilter
+from hj_cosim.control.belief.watcher import DEFAULT_DRIVERS
 from hj_cosim.control.contract import FilterInputs, SafetyFilter
 from hj_cosim.control.spc.filter import SafetyPreservingFilter
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.plugins import FILTER, construct, find_plugin, options_of
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.road import Road
-from hj_cosim.settings import FilterSettings, RobotSettings
+from hj_cosim.settings import DriverSettings, FilterSettings, RobotSettings
+from hj_cosim.vehicles.drivers import means_of
 
 
 def make_filter(
-    settings: FilterSettings, robot: RobotSettings, road: Road, table: ValueTable, step: float
+    settings: FilterSettings,
+    robot: RobotSettings,
+    road: Road,
+    table: ValueTable,
+    step: float,
+    drivers: DriverSettings = DEFAULT_DRIVERS,
 ) -> SafetyFilter:
     """Return the filter that `settings.kind` names, ours or a user's own, which are made in the same way.
 
@@ -25,6 +32,7 @@ def make_filter(
         road: the lanes.
         table: V.
         step: s, the time for which a control is held.
+        drivers: what the other drivers' parameters are drawn from, of which filters are told the means.
 
     Raises:
         ConfigurationError: if there is no such filter, its options are wrong, or its solver is not installed.
@@ -44,5 +52,6 @@ def make_filter(
         road=road,
         table=table,
         step=step,
+        drivers=means_of(drivers),
     )
     return construct(FILTER, plugin, {field.name: getattr(inputs, field.name) for field in fields(inputs)})

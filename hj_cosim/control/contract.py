@@ -33,7 +33,7 @@ import numpy as np
 
 from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.scene.road import Road
-from hj_cosim.settings import FilterSettings, RobotSettings, Settings
+from hj_cosim.settings import DriverSettings, FilterSettings, RobotSettings, Settings
 
 if TYPE_CHECKING:
     from hj_cosim.reachability.table.table import ValueTable
@@ -52,6 +52,7 @@ class FilterInputs:
     road: Road
     table: "ValueTable"  # V
     step: float  # s, for which a control is held
+    drivers: DriverSettings  # the others' mean parameters; how they scatter is not for filters to know
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hj_cosim.control.belief.believing_filter import WORST_TABLE
 from hj_cosim.control.catalogue import make_filter
 from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.control.guard import DESIRED_NOT_FINITE, NOT_JUDGED, GuardedFilter
@@ -30,7 +31,7 @@ from hj_cosim.planning.guard import GuardedPlanner
 from hj_cosim.reachability.table.cars import car_values
 from hj_cosim.reachability.table.size_classes import classes_met
 from hj_cosim.reachability.table.sized import with_classes
-from hj_cosim.reachability.table.store import require_robot, specification_hash
+from hj_cosim.reachability.table.store import kept_table, require_robot, specification_hash
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.recording.frames import RunFrames
 from hj_cosim.recording.record import COLLISION, DURATION, RunRecord
@@ -268,7 +269,7 @@ def run_in_sumo(
         world.settle(config.simulation.settle_time)
         drivers = world.predicted if isinstance(world, OwnWorld) else config.scenario.drivers
         planner = make_planner(config.planner, config.robot, drivers, world.road, table)
-        safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step)
+        safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step, drivers)
         audit = PromiseAudit(table.stack, promises=type(safety_filter) is SafetyPreservingFilter)
         foresight = ForesightAudit(config.planner, config.robot, drivers, world.road, table)
         driven = drive(world, planner, safety_filter, table, config, audit, progress, foresight, beside, watch)
@@ -279,6 +280,8 @@ def run_in_sumo(
     versions = {**program_versions(), TABLE: specification_hash(table.specification, table.game)}
     for each in table.larger:
         versions[f"{TABLE}, {each.size.name}"] = specification_hash(each.specification, each.game)
+    if config.filter.priority == "belief":
+        versions[f"{TABLE}, {WORST_TABLE}"] = kept_table(WORST_TABLE, config.robot).identity
     notes = world.told if isinstance(world, OwnWorld) else None
     taken = timing(summary, wall_seconds)
     return Episode(config, driven.record, summary, world.drivers, taken, versions, notes=notes)

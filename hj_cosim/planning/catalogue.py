@@ -6,7 +6,8 @@ from hj_cosim.planning.contract import Planner, PlannerInputs
 from hj_cosim.plugins import PLANNER, construct, find_plugin, options_of
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.road import Road
-from hj_cosim.settings import DriverSettings, NormalDistribution, PlannerSettings, RobotSettings
+from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
+from hj_cosim.vehicles.drivers import means_of
 
 
 def make_planner(
@@ -30,15 +31,8 @@ def make_planner(
         settings=settings,
         options=options_of(PLANNER, plugin, settings.options),
         robot=robot,
-        drivers=_means_of(drivers),
+        drivers=means_of(drivers),
         road=road,
         table=table,
     )
     return construct(PLANNER, plugin, {field.name: getattr(inputs, field.name) for field in fields(inputs)})
-
-
-def _means_of(drivers: DriverSettings) -> DriverSettings:
-    """Return the drivers with nothing of how they scatter."""
-    scattered = {name: value for name, value in drivers if isinstance(value, NormalDistribution)}
-    means = {name: value.model_copy(update={"deviation": 0.0}) for name, value in scattered.items()}
-    return drivers.model_copy(update=means)

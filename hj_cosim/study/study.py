@@ -19,7 +19,7 @@ from hj_cosim.errors import ConfigurationError, RunFolderError
 from hj_cosim.locations import given_path, runs_folder
 from hj_cosim.reachability.table.size_classes import classes_met
 from hj_cosim.reachability.table.sized import kept_tables, load_tables
-from hj_cosim.reachability.table.store import KeptTable, load_table
+from hj_cosim.reachability.table.store import KeptTable, kept_table, load_table
 from hj_cosim.recording.study_files import (
     CLAIMS_TABLE,
     COMPARISON,
@@ -81,9 +81,7 @@ class Study:
         try:
             return pd.read_parquet(self.folder / EPISODES_TABLE)
         except (OSError, ValueError) as error:
-            raise RunFolderError(
-                f"{self.folder} holds no readable study: {error}; --resume makes its tables anew"
-            ) from error
+            raise _unreadable(self.folder, error) from error
 
     def __repr__(self) -> str:
         driven, crashed = (
@@ -102,7 +100,7 @@ class Study:
         return int(self.table["missing"].sum())
 
 
-# Fifteen parameters: each is a keyword of the library's face, and all but the first have to be named.
+# So many parameters: each is a keyword of the library's face, and all but the first have to be named.
 def run_study(
     scenarios: Texts | None = None,
     *,
@@ -183,13 +181,13 @@ def run_study(
         key: kept_tables(config.table, config.robot, classes_met(config.scenario.bodies))
         for key, config in sorted(driven.items())
     }
-    folder.begin(_program(kept), resume=resume)
+    believing = {cell.config.robot for cell in folder.design.cells if cell.config.filter.priority == "belief"}
+    folder.begin(_program(kept, [kept_table(WORST_TABLE, robot) for robot in believing]), resume=resume)
     if folder.is_finished():
         return read_study(folder.path)
     for config in driven.values():
         load_tables(config.table, classes_met(config.scenario.bodies), solving, robot=config.robot)
-    believing = (cell.config for cell in folder.design.cells if cell.config.filter.priority == "belief")
-    for robot in {config.robot for config in believing}:
+    for robot in believing:
         load_table(WORST_TABLE, solving, robot=robot)
     return conduct(folder, engine, function=drive_episode, tables=kept, progress=progress, watch=watch)
 
@@ -209,9 +207,11 @@ def _study_folder(out: Path | None, given: Mapping[str, Any], *, resume: bool) -
     return folder if out is not None else StudyFolder(new_study_folder(folder.design), request, folder.design)
 
 
-def _program(tables: Mapping[str, Sequence[KeptTable]]) -> dict[str, str]:
+def _program(tables: Mapping[str, Sequence[KeptTable]], against_suspects: Sequence[KeptTable]) -> dict[str, str]:
     """Return the version of everything that an episode depends on besides its configuration."""
     program = {"hj-cosim": __version__, "libsumo": version("libsumo")}
+    if against_suspects:
+        program[f"table {WORST_TABLE} of suspects"] = " ".join(sorted(one.identity for one in against_suspects))
     return program | {f"table {name}": " ".join(one.identity for one in kept) for name, kept in tables.items()}
 
 

@@ -42,6 +42,7 @@ class SafetyFilterWrapper(gymnasium.Wrapper[np.ndarray, Any, np.ndarray, Any]):
 
         def make(config: EpisodeConfig, road: Road, of_robot: ValueTable) -> SafetyFilter:
             settings = config.filter.model_copy(update={"kind": kind})
-            return make_filter(settings, config.robot, road, of_robot, config.simulation.step)
+            step, drivers = config.simulation.step, config.scenario.drivers
+            return make_filter(settings, config.robot, road, of_robot, step, drivers)
 
         inner.filter_with(make, table or inner.load_tables())

@@ -69,3 +69,10 @@ def mean_driver(settings: DriverSettings) -> np.ndarray:
     return np.array(
         [each.mean if isinstance(each, NormalDistribution) else each for each in parameter_settings(settings)]
     )
+
+
+def means_of(drivers: DriverSettings) -> DriverSettings:
+    """Return the drivers with nothing of how they scatter."""
+    scattered = {name: value for name, value in drivers if isinstance(value, NormalDistribution)}
+    means = {name: value.model_copy(update={"deviation": 0.0}) for name, value in scattered.items()}
+    return drivers.model_copy(update=means)

@@ -10,7 +10,7 @@ import numpy as np
 from hj_cosim import run_episode
 from hj_cosim.control.belief.watcher import PERIOD, SUSPECTED_FROM, Watcher
 from hj_cosim.scene.observation import Observation
-from hj_cosim.settings import FilterSettings
+from hj_cosim.settings import DriverSettings, FilterSettings
 from hj_cosim.verification.belief_calibration import reliability
 
 SEEDS = range(1000, 1012)  # fitted below 100
@@ -23,7 +23,7 @@ def test_a_look_at_a_hundred_cars_takes_less_than_ten_microseconds_a_step(capsys
     random = np.random.default_rng(0)
     lane, still = random.integers(0, 4, CARS), np.zeros(CARS)
     x, heading = np.sort(random.uniform(0.0, 1000.0, CARS)), np.where(random.random(CARS) < 0.05, 0.05, 0.0)
-    watcher, taken = Watcher(5.0, 4.0), []
+    watcher, taken = Watcher(5.0, 4.0, DriverSettings()), []
     for look in range(LOOKS):
         observation = Observation(
             look * PERIOD, np.array([500.0, 4.0, 0.0, 22.0]), 0.0, np.arange(CARS), x, 4.0 * lane, heading,

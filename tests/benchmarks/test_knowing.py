@@ -22,7 +22,7 @@ class Knowing:
     rogues: tuple[int, ...] = ()  # the numbers of their cars
     asked = 0
 
-    def __init__(self, robot_length: float, lane_width: float) -> None:
+    def __init__(self, robot_length: float, lane_width: float, drivers: object) -> None:
         pass
 
     def see(self, observation: Observation) -> None:

@@ -13,10 +13,12 @@ from hj_cosim.control.belief.evidence import AT_ODD_PACE, CHANGES, KEEPS_LANE, T
 from hj_cosim.control.belief.hypotheses import ASSUMED, forgotten, log_likelihood_ratio, updated
 from hj_cosim.control.belief.watcher import Watcher
 from hj_cosim.scene.observation import Observation
-from hj_cosim.settings import DriverSettings
-from hj_cosim.vehicles.idm import idm_acceleration, mean_driver
+from hj_cosim.settings import DriverSettings, NormalDistribution
+from hj_cosim.vehicles.idm import DESIRED_SPEED, MAX_ACCELERATION, idm_acceleration, mean_driver
 
 DRIVER = mean_driver(DriverSettings())
+FAST = mean_driver(DriverSettings(desired_speed=NormalDistribution(mean=32.0, deviation=0.0)))
+FAR = mean_driver(DriverSettings(time_headway=NormalDistribution(mean=5.0, deviation=0.0)))
 LANE = 4.0
 ROBOT = np.array([0.0, 0.0, 0.0, 20.0])
 
@@ -34,9 +36,11 @@ def scene(cars, acceleration, robot=ROBOT, time=0.0):
     )  # fmt: skip
 
 
-def seen(cars, acceleration):
+def seen(cars, acceleration, drivers=None):
+    """Return what is seen of cars whose drivers, and one in the robot's place, are as given; mean ones unless so."""
     observation = scene(cars, acceleration)
-    return evidence_of(ROBOT, 5.0, observation.cars, observation.acceleration, DRIVER, LANE)
+    expected = np.tile(DRIVER, (len(observation.x) + 1, 1)) if drivers is None else np.array(drivers)
+    return evidence_of(ROBOT, 5.0, observation.cars, observation.acceleration, expected, LANE)
 
 
 def probability(log_odds):
@@ -106,6 +110,21 @@ def test_residual_is_beside_idm_behind_the_nearest_in_the_lane_the_robot_include
     assert residual == pytest.approx(expected)
 
 
+def test_residual_is_beside_what_is_expected_of_the_cars_own_driver():
+    cars = [(40.0, 0.0, 0.0, 20.0), (60.0, LANE, 0.0, 20.0)]
+    residual, _ = seen(cars, [0.0, 0.0], [FAST, DRIVER, DRIVER])
+    assert residual == pytest.approx([-idm_acceleration(20.0, math.inf, 0.0, each) for each in (FAST, DRIVER)])
+
+
+def test_room_is_taken_by_what_is_expected_of_who_is_behind():
+    moves_over = (40.0, LANE, math.asin(-1.0 / 20.0), 20.0)  # to where the other one is behind
+    for driver, what in ((DRIVER, CHANGES), (FAR, TAKES_ROOM)):
+        _, across = seen([moves_over, (2.0, 0.0, 0.0, 20.0)], [0.0, 0.0], [DRIVER, driver, DRIVER])
+        assert across[0] == what
+        _, across = seen([moves_over], [0.0], [DRIVER, driver])  # the robot is
+        assert across[0] == what
+
+
 @pytest.mark.parametrize(
     ("ahead", "sideways", "what"),
     [
@@ -133,7 +152,7 @@ def drive(watcher, cars, acceleration, seconds, begin=0.0):
 def test_who_brakes_for_nothing_becomes_suspected_and_who_drives_by_idm_does_not():
     cars = [(40.0, 0.0, 0.0, 20.0), (60.0, LANE, 0.0, 20.0)]
     free = idm_acceleration(20.0, math.inf, 0.0, DRIVER)
-    watcher = Watcher(5.0, LANE)
+    watcher = Watcher(5.0, LANE, DriverSettings())
     drive(watcher, cars, [-6.0, free], 5.0)
     both = np.arange(2)
     assert watcher.suspected(both).tolist() == [True, False]
@@ -142,7 +161,7 @@ def test_who_brakes_for_nothing_becomes_suspected_and_who_drives_by_idm_does_not
 
 def test_suspicion_ends_below_its_beginning():
     cars, free = [(40.0, 0.0, 0.0, 20.0)], idm_acceleration(20.0, math.inf, 0.0, DRIVER)
-    watcher, one = Watcher(5.0, LANE), np.arange(1)
+    watcher, one = Watcher(5.0, LANE, DriverSettings()), np.arange(1)
     drive(watcher, cars, [-6.0], 5.0)
     beliefs = []
     for step in range(3000):
@@ -156,7 +175,7 @@ def test_suspicion_ends_below_its_beginning():
 
 def test_looks_are_ten_a_second_whatever_the_filters_step():
     cars = [(40.0, 0.0, 0.0, 20.0)]
-    fine, coarse = Watcher(5.0, LANE), Watcher(5.0, LANE)
+    fine, coarse = Watcher(5.0, LANE, DriverSettings()), Watcher(5.0, LANE, DriverSettings())
     drive(fine, cars, [-6.0], 2.0)
     for step in range(20):
         coarse.see(scene(cars, [-6.0], time=0.1 * step))
@@ -164,7 +183,7 @@ def test_looks_are_ten_a_second_whatever_the_filters_step():
 
 
 def test_a_car_keeps_its_belief_whatever_its_place_in_the_arrays():
-    watcher = Watcher(5.0, LANE)
+    watcher = Watcher(5.0, LANE, DriverSettings())
     cars = [(40.0, 0.0, 0.0, 20.0), (60.0, LANE, 0.0, 20.0)]
     free = idm_acceleration(20.0, math.inf, 0.0, DRIVER)
     for step in range(50):
@@ -185,3 +204,42 @@ def test_a_car_keeps_its_belief_whatever_its_place_in_the_arrays():
             observation = replace(observation, **{name: getattr(observation, name)[::-1].copy() for name in columns})
         watcher.see(observation)
     assert watcher.suspected(np.arange(2)).tolist() == [True, False]
+
+
+def test_drivers_who_drive_as_their_scenario_has_them_are_not_suspected():
+    cars = [(40.0, 0.0, 0.0, 20.0), (60.0, LANE, 0.0, 20.0)]
+    acceleration, both = [idm_acceleration(20.0, math.inf, 0.0, FAST)] * 2, np.arange(2)
+    fast = DriverSettings(desired_speed=NormalDistribution(mean=32.0, deviation=1.5))
+    usual, told = Watcher(5.0, LANE, DriverSettings()), Watcher(5.0, LANE, fast)
+    drive(usual, cars, acceleration, 20.0)
+    drive(told, cars, acceleration, 20.0)
+    assert (told.belief(both) < ASSUMED.prior).all()
+    assert (usual.belief(both) > told.belief(both)).all()
+
+
+def test_drivers_told_apart_by_their_vehicles_are_believed_each_by_what_is_expected_of_it():
+    cars, acceleration = [(40.0, 0.0, 0.0, 20.0), (60.0, LANE, 0.0, 20.0)], [-6.0, -6.0]
+    slow = FAST.copy()
+    slow[DESIRED_SPEED] = 20.0 * (1.0 + 6.0 / slow[MAX_ACCELERATION]) ** -0.25  # so that it brakes with 6 m/s²
+    watcher = Watcher(5.0, LANE, DriverSettings())
+    for step in range(50):
+        observation = scene(cars, acceleration, time=0.1 * step)
+        watcher.see(replace(observation, expected_driver=np.array([slow, DRIVER])))
+    assert watcher.suspected(np.arange(2)).tolist() == [False, True]
+    assert watcher.belief(np.arange(1))[0] < ASSUMED.prior
+
+
+def test_a_car_that_enters_between_two_looks_is_believed_as_the_prior_says():
+    watcher = Watcher(5.0, LANE, DriverSettings())
+    watcher.see(scene([(40.0, 0.0, 0.0, 20.0)], [0.0], time=0.0))
+    for entered in (2, 50):  # with and without room for them
+        observation = scene([(40.0 * (j + 1), 0.0, 0.0, 20.0) for j in range(entered)], [0.0] * entered, time=0.04)
+        watcher.see(observation)
+        assert watcher.belief(observation.vehicle)[1:] == pytest.approx(ASSUMED.prior)
+        assert not watcher.suspected(observation.vehicle).any()
+
+
+def test_of_cars_that_nobody_has_looked_at_the_prior_is_believed():
+    watcher = Watcher(5.0, LANE, DriverSettings(), ASSUMED._replace(prior=0.2))
+    assert watcher.belief(np.arange(3)) == pytest.approx(0.2)
+    assert not watcher.suspected(np.arange(40)).any()

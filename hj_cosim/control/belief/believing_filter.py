@@ -1,12 +1,13 @@
-"""SPC that assumes the worst of the cars which it suspects, and of the others what the table's game does."""
+"""SPC that assumes the worst of the cars that it suspects, and of the others what the table's game does."""
 
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
-from hj_cosim.control.belief.watcher import Watcher
+from hj_cosim.control.belief.watcher import DEFAULT_DRIVERS, Watcher
 from hj_cosim.control.contract import FilterDecision
+from hj_cosim.control.problem.nearest_control import RowsDecision
 from hj_cosim.control.problem.safety_problem import SafetyRows
 from hj_cosim.control.spc.approach import binding_rows
 from hj_cosim.control.spc.filter import SafetyPreservingFilter
@@ -15,7 +16,7 @@ from hj_cosim.reachability.table.store import load_table
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.scene.road import Road
-from hj_cosim.settings import FilterSettings, RobotSettings
+from hj_cosim.settings import DriverSettings, FilterSettings, RobotSettings
 
 WORST_TABLE = "highway_worst"  # of value_tables/: against anything that a car's limits allow
 SUSPECTS = "suspected cars"  # diagnostics: how many, summed over the drive
@@ -28,30 +29,40 @@ def _worst_table(robot: RobotSettings) -> ValueTable:
 
 
 class BelievingFilter(SafetyPreservingFilter):
-    """SPC whose rows about suspected cars are those of the game against the worst.
+    """SPC whose rows about suspected cars are those of the game against the worst, wherever that gives them less V.
 
-    V against the worst is nowhere above V among cars that do their duties. So a suspected car's row appears earlier and
-    asks for more; from a state with V > ε of that game it promises of that car what that game does. A car that becomes
-    suspected where V of that game is below already gets a row all the same, that it does not fall further.
+    Mostly it does, but not at all states: the two games differ in more than what they assume of the other car, in how
+    far the robot's body reaches when turned, say. A suspected car has the smaller of the two V, with the slopes and the
+    row of the table that it is from: so its V is nowhere above what it would be if nobody suspected it, and where that
+    is <= ε it has a row. A car that becomes suspected where V against the worst is <= ε already gets a row all the
+    same, that V does not fall further.
 
     Args:
         settings, robot, table, step: as of SafetyPreservingFilter.
         road: its lanes are those that ordinary drivers keep to, besides.
+        drivers: what ordinary drivers' parameters are drawn from, where an observation does not tell drivers apart.
     """
 
     def __init__(
-        self, settings: FilterSettings, robot: RobotSettings, road: Road, table: ValueTable, step: float
+        self,
+        settings: FilterSettings,
+        robot: RobotSettings,
+        road: Road,
+        table: ValueTable,
+        step: float,
+        drivers: DriverSettings = DEFAULT_DRIVERS,
     ) -> None:
         super().__init__(settings, robot, road, table, step)
         self._worst = _worst_table(robot)
         self._weight = settings.suspect_weight
-        self._watcher = Watcher(robot.length, road.lane_width)
-        self._suspected = np.empty(0, np.bool_)
+        self._watcher = Watcher(robot.length, road.lane_width, drivers)
+        self._suspected = np.empty(0, np.bool_)  # (J,) which cars are, at the instant that is filtered
+        self._by_worst = np.empty(0, np.bool_)  # (J,) of which of them V is that against the worst
 
     def prepare(self, observation: Observation, values: CarValues) -> None:
         """Compile; see SafetyPreservingFilter."""
         super().prepare(observation, values)
-        Watcher(1.0, 1.0).see(observation)
+        Watcher(1.0, 1.0, DEFAULT_DRIVERS).see(observation)
         car_values(self._worst, observation)
 
     def belief(self, observation: Observation) -> np.ndarray:
@@ -67,13 +78,15 @@ class BelievingFilter(SafetyPreservingFilter):
             return replace(super().filter(observation, values, desired), belief=belief)
         decision = super().filter(observation, self._assumed(observation, values), desired)
         diagnostics = {**decision.diagnostics, SUSPECTS: float(self._suspected.sum())}
-        return replace(decision, belief=belief, diagnostics=diagnostics)
+        slack = self._unweighted_slack(observation, decision)
+        return replace(decision, belief=belief, slack=slack, diagnostics=diagnostics)
 
     def _assumed(self, observation: Observation, values: CarValues) -> CarValues:
-        """Return the values with those of the suspected cars against the worst."""
+        """Return the values with those of the suspected cars against the worst where these are smaller, or the same."""
         worst = car_values(self._worst, observation)
-        value = np.where(self._suspected, worst.value, values.value)
-        gradient = np.where(self._suspected[:, None], worst.gradient, values.gradient)
+        self._by_worst = self._suspected & (worst.value <= values.value)
+        value = np.where(self._by_worst, worst.value, values.value)
+        gradient = np.where(self._by_worst[:, None], worst.gradient, values.gradient)
         nearest = int(np.argmin(value))
         return CarValues(value, gradient, float(value[nearest]), nearest)
 
@@ -83,7 +96,7 @@ class BelievingFilter(SafetyPreservingFilter):
         if not self._suspected.any():
             return super()._rows(observation, values, desired, available)
         found = []
-        for table, which in ((self._table, ~self._suspected), (self._worst, self._suspected)):
+        for table, which in ((self._table, ~self._by_worst), (self._worst, self._by_worst)):
             of_these = replace(values, value=np.where(which, values.value, np.inf))
             gradient = smooth_gradients(table, observation, of_these) if self._smooth else values.gradient
             found.append(rows_of_cars(table, observation, of_these.value, gradient, self._bound))
@@ -97,3 +110,15 @@ class BelievingFilter(SafetyPreservingFilter):
         weight = np.where(self._suspected[cars[kept]], self._weight, 1.0)
         rows_found = SafetyRows(observation.vehicle[cars[kept]], value, weight * p, weight * q, weight * c)
         return rows_found if rows_found.are_possible else None
+
+    def _unweighted_slack(self, observation: Observation, decision: FilterDecision) -> float:
+        """Return by how much the rows are missed, m/s, as they were before they were weighed; SW may be negative.
+
+        So the slack of a record means the same with and without belief.
+        """
+        if not isinstance(decision, RowsDecision) or len(decision.rows) == 0:
+            return decision.slack
+        is_suspected = np.isin(decision.rows.vehicle, observation.vehicle[self._suspected])
+        margins = decision.rows.margins(decision.control.omega, decision.control.acceleration)
+        missed = -float((margins / np.where(is_suspected, self._weight, 1.0)).min())
+        return missed if decision.slack < 0.0 else max(0.0, missed)

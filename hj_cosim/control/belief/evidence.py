@@ -1,8 +1,8 @@
 """What a car does against what an ordinary driver would do in its place (jitted).
 
 An ordinary driver follows by IDM and changes lanes where MOBIL lets it. Of a car there are two things to be seen: its
-acceleration, of which IDM with a mean driver's parameters leaves a residual, and its motion across the road, which is
-either none, or a change that those behind have room for, or one that takes their room.
+acceleration, of which IDM with the parameters expected of its driver leaves a residual, and its motion across the road,
+which is either none, or a change that those behind have room for, or one that takes their room.
 """
 
 import math
@@ -26,7 +26,7 @@ SAFE_BRAKING = 4.0  # m/s², MOBIL's b_safe: no change asks more of who is behin
 
 @njit(cache=True, error_model="numpy")
 def evidence_of(
-    robot: np.ndarray, robot_length: float, cars: Cars, acceleration: np.ndarray, driver: np.ndarray, lane_width: float
+    robot: np.ndarray, robot_length: float, cars: Cars, acceleration: np.ndarray, drivers: np.ndarray, lane_width: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return what is seen of each car: its acceleration less IDM's, (J,) m/s², and what it does across the road, (J,).
 
@@ -35,7 +35,8 @@ def evidence_of(
         robot_length: m.
         cars: as observed.
         acceleration: (J,) m/s², as observed.
-        driver: (6,) a mean driver's parameters, in the order of `vehicles.idm`.
+        drivers: (J + 1, 6) what is expected of the cars' drivers, in the order of `vehicles.idm`; the last row is of
+            one in the robot's place.
         lane_width: m.
     """
     count = len(cars.x)
@@ -52,11 +53,11 @@ def evidence_of(
                 room = ahead - 0.5 * (length[i] + length[j])
                 if room < gap:
                     gap, lead_speed = room, speed[i]
-        expected = max(idm_acceleration(speed[j], gap, lead_speed, driver), -HARDEST_BRAKING)
+        expected = max(idm_acceleration(speed[j], gap, lead_speed, drivers[j]), -HARDEST_BRAKING)
         residual[j] = acceleration[j] - expected
         sideways = speed[j] * math.sin(cars.heading[j])
         if abs(sideways) >= MOVING:
-            braking = _braking_asked(j, sideways, robot, robot_length, cars, driver, lane_width)
+            braking = _braking_asked(j, sideways, robot, robot_length, cars, drivers, lane_width)
             usual = USUAL_PACE[0] <= abs(sideways) <= USUAL_PACE[1]
             across[j] = TAKES_ROOM if braking > SAFE_BRAKING else CHANGES if usual else AT_ODD_PACE
     return residual, across
@@ -69,15 +70,16 @@ def _braking_asked(
     robot: np.ndarray,
     robot_length: float,
     cars: Cars,
-    driver: np.ndarray,
+    drivers: np.ndarray,
     lane_width: float,
 ) -> float:
     """Return how hard those to whose line a car moves have to brake for it, at the most, m/s²."""
     asked = 0.0
-    for i in range(-1, len(cars.x)):
+    count = len(cars.x)
+    for i in range(count + 1):
         if i == j:
             continue
-        if i < 0:
+        if i == count:
             x, y, speed, length = robot[0], robot[1], robot[3], robot_length
         else:
             x, y, speed, length = cars.x[i], cars.y[i], cars.speed[i], cars.length[i]
@@ -88,5 +90,5 @@ def _braking_asked(
         if room <= 0.0:
             return HARDEST_BRAKING
         if ahead < 0.0 and room < FARTHEST_BEHIND:
-            asked = max(asked, -idm_acceleration(speed, room, cars.speed[j], driver))
+            asked = max(asked, -idm_acceleration(speed, room, cars.speed[j], drivers[i]))
     return asked

@@ -2,9 +2,9 @@
 
 One hypothesis is an ordinary driver: IDM's acceleration with the population's spread about it, and changes of lane that
 MOBIL lets pass. The other is a driver who now and then does anything that a car can. Drivers may change their minds:
-what was seen is forgotten with a time constant. What is seen of a driver a moment later is mostly the same again, for a
-mean driver's parameters are not its own; so a sample counts as the share of an independent one that it is (a tempered
-likelihood).
+what was seen is forgotten with a time constant. What is seen of a driver a moment later is mostly the same again, for
+the parameters expected of it are not its own; so a sample counts as the share of an independent one that it is (a
+tempered likelihood).
 """
 
 import math
@@ -35,6 +35,12 @@ class Hypotheses(NamedTuple):
 
 
 ASSUMED = Hypotheses()
+
+
+@njit(cache=True)
+def prior_log_odds(of: Hypotheses) -> float:
+    """Return the log-odds that a driver means harm of whom nothing has been seen."""
+    return math.log(of.prior / (1.0 - of.prior))
 
 
 @njit(cache=True)
@@ -76,7 +82,7 @@ def watch(
     robot_length: float,
     cars: Cars,
     acceleration: np.ndarray,
-    driver: np.ndarray,
+    drivers: np.ndarray,
     lane_width: float,
     time: float,
     believed: np.ndarray,
@@ -90,12 +96,12 @@ def watch(
             one that has never been; written.
         of: the two hypotheses.
     """
-    residual, across = evidence_of(robot, robot_length, cars, acceleration, driver, lane_width)
+    residual, across = evidence_of(robot, robot_length, cars, acceleration, drivers, lane_width)
     for j in range(len(residual)):
         row = believed[cars.vehicle[j]]
         elapsed = time - row[1]
         if math.isnan(elapsed):
-            row[0] = math.log(of.prior / (1.0 - of.prior))
+            row[0] = prior_log_odds(of)
         else:
             row[0] = updated(row[0], residual[j], across[j], elapsed, of)
         row[1] = time

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 
-from hj_cosim.control.belief.hypotheses import ASSUMED, Hypotheses, watch
+from hj_cosim.control.belief.hypotheses import ASSUMED, Hypotheses, prior_log_odds, watch
 from hj_cosim.scene.observation import Observation
 from hj_cosim.settings import DriverSettings
-from hj_cosim.vehicles.idm import mean_driver
+from hj_cosim.vehicles.idm import PARAMETER_NAMES, mean_driver
 
 PERIOD = 0.1  # s, between two looks
 SUSPECTED_FROM, CLEARED_BELOW = 0.8, 0.5  # beliefs; two, so that who is suspected does not change back and forth
+DEFAULT_DRIVERS = DriverSettings()
 _ROUNDING = 1e-6  # s
 
 
@@ -20,12 +21,21 @@ class Watcher:
     Args:
         robot_length: m.
         lane_width: m.
+        drivers: what the others' parameters are drawn from; their means are what is expected of everybody where an
+            observation does not tell drivers apart, and of one in the robot's place.
         of: the two hypotheses.
     """
 
-    def __init__(self, robot_length: float, lane_width: float, of: Hypotheses = ASSUMED) -> None:
+    def __init__(
+        self,
+        robot_length: float,
+        lane_width: float,
+        drivers: DriverSettings = DEFAULT_DRIVERS,
+        of: Hypotheses = ASSUMED,
+    ) -> None:
         self._robot_length, self._lane_width, self._of = robot_length, lane_width, of
-        self._driver = mean_driver(DriverSettings())
+        self._mean_driver = mean_driver(drivers)
+        self._never_seen = (prior_log_odds(of), math.nan)
         self._believed = np.empty((0, 2))
         self._suspected = np.empty(0, np.bool_)
         self._seen_at = -math.inf
@@ -36,24 +46,40 @@ class Watcher:
             return
         self._seen_at = observation.time
         cars = observation.cars
-        needed = int(cars.vehicle.max(initial=-1)) + 1
-        if needed > len(self._believed):
-            more = max(2 * needed, 16) - len(self._believed)
-            never = np.column_stack([np.zeros(more), np.full(more, np.nan)])
-            self._believed = np.vstack([self._believed, never])
-            self._suspected = np.concatenate([self._suspected, np.zeros(more, np.bool_)])
+        self._make_room(cars.vehicle)
         watch(
-            observation.robot, self._robot_length, cars, observation.acceleration, self._driver, self._lane_width,
-            observation.time, self._believed, self._of,
+            observation.robot, self._robot_length, cars, observation.acceleration, self._expected(observation),
+            self._lane_width, observation.time, self._believed, self._of,
         )  # fmt: skip
         belief = self.belief(cars.vehicle)
         was = self._suspected[cars.vehicle]
         self._suspected[cars.vehicle] = np.where(was, belief >= CLEARED_BELOW, belief >= SUSPECTED_FROM)
 
     def belief(self, vehicle: np.ndarray) -> np.ndarray:
-        """Return the probability that each of some cars (J,), by number, is driven by one who means harm, (J,)."""
+        """Return the probability that each of some cars (J,), by number, is driven by one who means harm, (J,).
+
+        Of a car that has not been looked at yet, such as one that entered since, it is the prior.
+        """
+        self._make_room(vehicle)
         return np.asarray(1.0 / (1.0 + np.exp(-self._believed[vehicle, 0])))
 
     def suspected(self, vehicle: np.ndarray) -> np.ndarray:
-        """Return which of some cars (J,), by number, are suspected, (J,) bool."""
+        """Return which of some cars (J,), by number, are suspected, (J,) bool; none that has not been looked at."""
+        self._make_room(vehicle)
         return np.asarray(self._suspected[vehicle])
+
+    def _make_room(self, vehicle: np.ndarray) -> None:
+        """See to it that there are rows for some cars (J,), by number."""
+        needed = int(vehicle.max(initial=-1)) + 1
+        if needed > len(self._believed):
+            more = max(2 * needed, 16) - len(self._believed)
+            self._believed = np.vstack([self._believed, np.tile(self._never_seen, (more, 1))])
+            self._suspected = np.concatenate([self._suspected, np.zeros(more, np.bool_)])
+
+    def _expected(self, observation: Observation) -> np.ndarray:
+        """Return what is expected of the cars' drivers, and last of one in the robot's place, (J + 1, 6)."""
+        drivers = np.empty((len(observation.x) + 1, len(PARAMETER_NAMES)))
+        drivers[:] = self._mean_driver
+        if observation.expected_driver is not None:
+            drivers[:-1] = observation.expected_driver
+        return drivers
