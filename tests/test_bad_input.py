@@ -135,7 +135,7 @@ SPECIFICATIONS = {
 }
 
 # Each case: arguments, and what the answer must name. FILE is a file, EMPTY an empty folder, FULL one with a file,
-# STRANGE and STUDY a run's and a study's folder with other things in their files.
+# STRANGE and STUDY a run's and a study's folder with other things in their files, BEGUN that of an unfinished study.
 COMMANDS = {
     ("run", "no_such_scenario"): "choose one of",
     ("run", "absent.toml"): "absent.toml does not exist",
@@ -195,6 +195,11 @@ COMMANDS = {
     ("figure", "trade-off", "--study", "STUDY"): "table.csv has no column planner",
     ("figure", "density-sweep", "--study", "STUDY"): "table.csv has no column scenario",
     ("figure", "sweep", "--study", "STUDY"): "table.csv has no column planner",
+    ("figure", "attack", "--study", "BEGUN"): "not finished, table.csv is missing; hj-cosim study --resume --out BEGUN",
+    ("figure", "schematic", "--out", "BEGUN/differences.csv"): "belongs to the study in",
+    ("figure", "schematic", "--out", "BEGUN/differences"): "belongs to the study in",
+    ("export", "STRANGE", "--out", "BEGUN/table.csv"): "belongs to the study in",
+    ("report", "STRANGE", "--out", "FILE"): "FILE: a report ends in .html or .htm",
     ("figure", "schematic", "--width", "90"): "85 or 178 mm wide, one column or two; 90 is neither",
 }
 
@@ -214,6 +219,8 @@ def refused(capsys, monkeypatch, tmp_path):
     (folder / "STUDY").mkdir()
     (folder / "STUDY" / "table.csv").write_text("a,b\n1,2\n")
     (folder / "STUDY" / "windows.parquet").write_text("mine")
+    (folder / "BEGUN").mkdir()
+    (folder / "BEGUN" / "study.toml").write_text(A_STUDY + "program = {}")
     monkeypatch.chdir(folder)
 
     def listing():

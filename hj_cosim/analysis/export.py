@@ -5,6 +5,7 @@ All stream row group by row group, so that a long drive of many cars needs littl
 
 import gzip
 import math
+import re
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from os import PathLike
@@ -20,11 +21,12 @@ import pyarrow.parquet as pq
 
 from hj_cosim.analysis.highd import RECORDING_META, TRACKS, TRACKS_META, write_highd
 from hj_cosim.errors import OutputError, RunFolderError
-from hj_cosim.files import whole_file
+from hj_cosim.files import naming_the_place, whole_file
 from hj_cosim.locations import given_path
 from hj_cosim.recording.record import ROBOT_NAME
 from hj_cosim.recording.run_bounds import open_columns
-from hj_cosim.recording.run_folder import read_config, require_not_own_file, road_of
+from hj_cosim.recording.run_folder import read_config, road_of
+from hj_cosim.recording.study_files import require_not_ours
 from hj_cosim.recording.trajectories import TRAJECTORIES
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import shown
@@ -43,6 +45,11 @@ _FORMATS_OF_SUFFIXES = {".csv": "csv", ".parquet": "parquet", ".xml": "fcd"}
 # What an FCD file's vehicle types are in, beside it: SUMO replays none that it does not know.
 TYPES = ".types.add.xml"
 OTHERS_TYPE = "DEFAULT_VEHTYPE"  # which SUMO knows without being told
+_TYPES_TEXT = (
+    '<?xml version="1.0" encoding="UTF-8"?>\n\n<additional>\n'
+    f'    <vType id="{ROBOT_NAME}" vClass="passenger" length="{{}}" width="{{}}" color="orange"/>\n'
+    "</additional>\n"
+)
 _OTHER_COMPRESSIONS = (".bz2", ".xz", ".zst", ".zip", ".7z", ".tgz", ".tar")
 
 
@@ -67,8 +74,9 @@ def export_run(folder: PathLike[str] | str, format: str | None = None, out: Path
 
     Raises:
         ConfigurationError: if `folder` or `out` is no path.
-        OutputError: if the format is unknown, or the file's name contradicts it.
-        RunFolderError: if the folder holds no run, or the file belongs to one.
+        OutputError: if the format is unknown, the file's name contradicts it, or what is to appear beside it would
+            replace a file that no earlier export wrote.
+        RunFolderError: if the folder holds no run, or the file belongs to one or to a study.
         HjCosimError: if the file cannot be written.
     """
     return export_files(folder, format, out)[0]
@@ -82,7 +90,9 @@ def export_files(folder: PathLike[str] | str, format: str | None, out: PathLike[
     target = folder / DEFAULT_NAMES[kind] if out is None else out
     written = [target, *_companions(target, kind)]
     for path in written:
-        require_not_own_file(path)
+        require_not_ours(path)
+    for path in written[1:]:
+        _require_exported(path, target, kind)
     if not (folder / TRAJECTORIES).is_file():
         raise RunFolderError(f"{folder} holds no run: {TRAJECTORIES} is missing")
     config = read_config(folder) if kind in ("fcd", "highd") else {}
@@ -118,6 +128,31 @@ def _companions(file: Path, kind: str) -> tuple[Path, ...]:
         stem = file.name.removesuffix(".gz").removesuffix(".xml").removesuffix(".fcd")
         return (file.with_name(stem + TYPES),)
     return ()
+
+
+def _require_exported(companion: Path, target: Path, kind: str) -> None:
+    """Check that a file beside an export, which nobody named, is not there, or is an earlier export's.
+
+    SUMO's types are known by their content, for an export and the same compressed share them; highD's files by what
+    they are beside.
+
+    Raises:
+        OutputError: if it is another's.
+    """
+    if not companion.exists():
+        return
+    if kind == "highd":
+        is_ours = target.exists()
+    else:
+        form = re.escape(_TYPES_TEXT.format("LENGTH", "WIDTH")).replace("LENGTH", '[^"]+').replace("WIDTH", '[^"]+')
+        with naming_the_place(companion):
+            content = companion.read_bytes() if companion.stat().st_size < 2 * len(_TYPES_TEXT) else b""
+        is_ours = re.fullmatch(form.encode(), content.replace(b"\r\n", b"\n")) is not None
+    if not is_ours:
+        raise OutputError(
+            f"cannot write {target}: {companion} would be written beside it, but is there already and is none of an"
+            " earlier export's files; choose another name with --out"
+        )
 
 
 def _recording(tracks: Path) -> int:
@@ -217,11 +252,7 @@ def _types(trajectories: pq.ParquetFile) -> str:
     """Return the additional file that defines the robot's type; the robot comes first at any time."""
     first = next(_row_groups(trajectories)).slice(0, 1)
     length, width = (first[name][0].as_py() for name in ("length", "width"))
-    return (
-        '<?xml version="1.0" encoding="UTF-8"?>\n\n<additional>\n'
-        f'    <vType id="{ROBOT_NAME}" vClass="passenger" length="{length!r}" width="{width!r}" color="orange"/>\n'
-        "</additional>\n"
-    )
+    return _TYPES_TEXT.format(repr(length), repr(width))
 
 
 def _fcd_lines(rows: pa.Table, road: Road, edge: str) -> pa.Array:

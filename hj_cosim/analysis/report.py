@@ -14,13 +14,14 @@ from hj_cosim.analysis.html import figure, label, meaning, page, replay_parts, t
 from hj_cosim.analysis.plan_path import tracking_of
 from hj_cosim.analysis.replay_data import replay_data
 from hj_cosim.analysis.study_page import study_page
-from hj_cosim.errors import RunFolderError
+from hj_cosim.errors import OutputError, RunFolderError
 from hj_cosim.files import whole_file
 from hj_cosim.reachability.table.table import ValueTable
-from hj_cosim.recording.run_folder import ROBOT, Run, read_run, require_not_own_file
-from hj_cosim.recording.study_files import STUDY, TABLE
+from hj_cosim.recording.run_folder import ROBOT, Run, read_run
+from hj_cosim.recording.study_files import STUDY, TABLE, require_not_ours
 
 REPORT = "report.html"
+ENDINGS = (".html", ".htm")
 RUN_FIGURES = {
     "timeline": "Speed, value, TTC and lane over time.",
     "snapshots": "The drive from above.",
@@ -53,13 +54,16 @@ def write_report(
         The file.
 
     Raises:
-        RunFolderError: if the folder holds neither a run nor a study, or a broken one.
+        OutputError: if the file's ending is another than HTML's.
+        RunFolderError: if the folder holds neither a run nor a study, or a broken one, or the file belongs to one.
         TableError: if the run's table cannot be had.
         HjCosimError: if the file cannot be written.
     """
     report = progress or (lambda done, total: None)
     target = out or folder / REPORT
-    require_not_own_file(target)
+    require_not_ours(target)
+    if target.suffix.lower() not in ENDINGS:
+        raise OutputError(f"cannot write {target}: a report ends in .html or .htm")
     if (folder / ROBOT).exists():
         run = read_run(folder)
         text = run_page(run, table or table_of(run), report)

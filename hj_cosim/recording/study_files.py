@@ -12,9 +12,9 @@ from typing import Any, Literal
 import tomli_w
 from pydantic import Field
 
-from hj_cosim.errors import ConfigurationError
+from hj_cosim.errors import ConfigurationError, RunFolderError
 from hj_cosim.files import whole_file
-from hj_cosim.recording.run_folder import SUMMARY, Keep
+from hj_cosim.recording.run_folder import SUMMARY, Keep, require_not_own_file
 from hj_cosim.settings import Settings, read_toml, shown, validate
 
 STUDY = "study.toml"
@@ -28,6 +28,8 @@ WALL_TIMES = "wall_times.csv"
 EPISODES = "episodes"
 FAILURES = "failures"
 FIGURES = "figures"
+# What no export, figure or report may replace; the report of a study is written anew at any time.
+OWN_FILES = (STUDY, TABLE, DIFFERENCES, COMPARISON, CLAIMS_TABLE, EPISODES_TABLE, WINDOWS, WALL_TIMES)
 
 
 class StudyRequest(Settings):
@@ -79,6 +81,18 @@ def split_variation(text: str) -> tuple[str, tuple[str, ...]]:
     """Return the key and the values of a text such as `planner.gamma_r=0.8,0.9,1.0`."""
     key, _, listed = text.partition("=")
     return key.strip(), tuple(value.strip() for value in listed.split(","))
+
+
+def require_not_ours(path: Path) -> None:
+    """Check that writing to `path` replaces neither what a run recorded nor what a study found.
+
+    Raises:
+        RunFolderError: if it is one of the files of a run's or a study's folder.
+    """
+    require_not_own_file(path)
+    place = path.resolve()
+    if place.name in OWN_FILES and (place.parent / STUDY).is_file():
+        raise RunFolderError(f"{path} belongs to the study in {place.parent}; choose another name with --out")
 
 
 def read_study_file(folder: Path) -> StudyFile:

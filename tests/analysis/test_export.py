@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 import sumolib.xml
 
-from hj_cosim.analysis.export import export_run
+from hj_cosim.analysis.export import export_files, export_run
 from hj_cosim.errors import OutputError, RunFolderError
 from hj_cosim.recording.run_folder import write_run
+from hj_cosim.recording.study_files import OWN_FILES
 from hj_cosim.scene.road import StraightRoad
 
 FCD_NUMBERS = ("x", "y", "angle", "speed", "pos", "acceleration")
@@ -120,3 +121,48 @@ def test_export_never_takes_the_place_of_what_a_run_recorded(run, tmp_path, monk
             export_run(run, format, path)
     assert {path: path.read_bytes() for path in run.iterdir() if path.is_file()} == before
     assert export_run(run, "parquet").name == "trajectories.plain.parquet"
+
+
+def test_export_never_takes_the_place_of_what_a_study_found(run, tmp_path, monkeypatch):
+    study = tmp_path / "study"
+    study.mkdir()
+    for name in OWN_FILES:
+        (study / name).write_text("found")
+    monkeypatch.chdir(study)
+    for path in (*(study / name for name in OWN_FILES if name != "study.toml"), Path("table.csv")):
+        with pytest.raises(RunFolderError, match=r"belongs to the study in .*; choose another name with --out"):
+            export_run(run, None, path)
+    assert {path.read_text() for path in study.iterdir()} == {"found"}
+    assert export_run(run, None, study / "mine.csv").exists()
+    (tmp_path / "table.csv").write_text("of nobody's study")
+    assert export_run(run, None, tmp_path / "table.csv").read_bytes().startswith(b'"time"')
+
+
+@pytest.mark.parametrize("is_named_file_there", [False, True])
+def test_fcd_export_leaves_a_file_beside_it_that_is_another_s(run, tmp_path, is_named_file_there):
+    beside = tmp_path / "d.types.add.xml"
+    beside.write_text("<additional/>")
+    if is_named_file_there:
+        (tmp_path / "d.fcd.xml").write_text("older")
+    with pytest.raises(OutputError, match=r"d\.types\.add\.xml would be written beside it, but is there already"):
+        export_run(run, None, tmp_path / "d.fcd.xml")
+    assert beside.read_text() == "<additional/>"
+    assert (tmp_path / "d.fcd.xml").exists() == is_named_file_there
+
+
+@pytest.mark.parametrize("name", ["07_tracksMeta.csv", "07_recordingMeta.csv"])
+def test_highd_export_leaves_a_file_beside_it_that_is_another_s(run, tmp_path, name):
+    beside = tmp_path / name
+    beside.write_text("mine")
+    with pytest.raises(OutputError, match=f"{beside.name} would be written beside it, but is there already"):
+        export_run(run, "highd", tmp_path / "07_tracks.csv")
+    assert [path.name for path in tmp_path.glob("07_*")] == [beside.name]
+    assert beside.read_text() == "mine"
+
+
+def test_a_repeated_export_replaces_all_of_its_files(run, tmp_path):
+    (run / "config.toml").write_text(CONFIG + "[simulation]\nstep = 0.02\n")
+    for format, name in (("fcd", "d.fcd.xml"), ("highd", "07_tracks.csv")):
+        first = {path: path.read_bytes() for path in export_files(run, format, tmp_path / name)}
+        again = {path: path.read_bytes() for path in export_files(run, format, tmp_path / name)}
+        assert again == first

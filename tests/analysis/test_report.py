@@ -7,7 +7,8 @@ import pytest
 
 from hj_cosim.analysis import report
 from hj_cosim.analysis.report import write_report
-from hj_cosim.errors import RunFolderError
+from hj_cosim.errors import OutputError, RunFolderError
+from hj_cosim.recording.study_files import OWN_FILES
 
 HOSTILE = "</script><img src=x onerror=alert(1)>"
 
@@ -64,3 +65,30 @@ def test_a_study_s_report_holds_its_table_with_intervals(tmp_path):
 def test_a_folder_without_run_or_study_is_refused(tmp_path):
     with pytest.raises(RunFolderError, match="neither a run nor a study"):
         write_report(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["mine.py", "report", "report.html.gz"])
+def test_a_report_takes_no_other_file_s_name(tmp_path, monkeypatch, name):
+    (tmp_path / "robot.parquet").touch()
+    (tmp_path / name).write_text("mine")
+    monkeypatch.setattr(report, "read_run", lambda folder: pytest.fail("it was read before the name was"))
+    with pytest.raises(OutputError, match=r"a report ends in \.html or \.htm"):
+        write_report(tmp_path, tmp_path / name)
+    assert (tmp_path / name).read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", OWN_FILES)
+def test_a_report_never_takes_the_place_of_what_a_study_found(tmp_path, name):
+    for own in OWN_FILES:
+        (tmp_path / own).write_text("found")
+    with pytest.raises(RunFolderError, match=r"belongs to the study in .*; choose another name with --out"):
+        write_report(tmp_path, tmp_path / name)
+    assert {path.read_text() for path in tmp_path.iterdir()} == {"found"}
+
+
+def test_a_report_is_written_again_and_its_ending_may_be_in_capitals(tmp_path, monkeypatch):
+    (tmp_path / "table.csv").touch()
+    (tmp_path / "report.html").write_text("older")
+    monkeypatch.setattr(report, "study_page", lambda *_, replays: "newer")
+    for path in (write_report(tmp_path), write_report(tmp_path, tmp_path / "A.HTM")):
+        assert path.read_text() == "newer"

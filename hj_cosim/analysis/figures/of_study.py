@@ -16,7 +16,7 @@ from hj_cosim.analysis.figures.target_sets import target_sets
 from hj_cosim.analysis.figures.trade_off import METRICS_SHOWN, trade_off
 from hj_cosim.errors import RunFolderError
 from hj_cosim.recording.run_folder import CONFIG, read_config
-from hj_cosim.recording.study_files import EPISODES, TABLE
+from hj_cosim.recording.study_files import EPISODES, STUDY, TABLE
 from hj_cosim.settings import Scenario, validate
 from hj_cosim.traffic.chain import read_lane_count
 from hj_cosim.traffic.sources.density import density
@@ -25,6 +25,7 @@ from hj_cosim.traffic.sources.scenarios import network_path
 LARGEST_STUDY_TABLE = 100_000_000  # bytes
 MOST_STUDY_ROWS = 10_000_000
 TEXT_COLUMNS = ("scenario", *STACK_COLUMNS)
+KNOBS = (BEHAVIOUR, SHARE, TARGET_TABLE)  # columns of studies that varied them
 
 
 def trade_off_of(folder: Path, **width: int) -> Drawing:
@@ -53,13 +54,13 @@ def density_sweep_of(folder: Path, **width: int) -> Drawing:
 def attack_of(folder: Path, **width: int) -> Drawing:
     """Return what drivers who mean harm do in a study, by its folder."""
     metrics = _with_intervals(metric for metric, _ in ATTACK_ROWS)
-    return attack(read_study_table(folder / TABLE, (BEHAVIOUR, SHARE, *STACK_COLUMNS, "episodes", *metrics)), **width)
+    return attack(read_study_table(folder / TABLE, (*STACK_COLUMNS, "episodes", *metrics, BEHAVIOUR, SHARE)), **width)
 
 
 def target_sets_of(folder: Path, **width: int) -> Drawing:
     """Return what the target sets of a study are worth, by its folder."""
     metrics = _with_intervals(METRICS_SHOWN)
-    return target_sets(read_study_table(folder / TABLE, ("scenario", TARGET_TABLE, *STACK_COLUMNS, *metrics)), **width)
+    return target_sets(read_study_table(folder / TABLE, ("scenario", *STACK_COLUMNS, *metrics, TARGET_TABLE)), **width)
 
 
 def _with_intervals(metrics: Iterable[str]) -> list[str]:
@@ -85,7 +86,8 @@ def read_study_table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
         columns: what it must have; those not in TEXT_COLUMNS, no rogues' behaviour and no table's name, hold numbers.
 
     Raises:
-        RunFolderError: if it is missing, broken, too large, or has not those columns.
+        RunFolderError: if it is missing, broken, too large, or has not those columns, of which those of KNOBS are
+            looked for last if they are named last.
     """
     broken = f"{path.parent} holds no complete study: {path.name}"
     try:
@@ -98,9 +100,18 @@ def read_study_table(path: Path, columns: Sequence[str]) -> pd.DataFrame:
                 if file.metadata.num_rows > MOST_STUDY_ROWS:
                     raise RunFolderError(f"{broken} has {file.metadata.num_rows} rows; {MOST_STUDY_ROWS} is the most")
             table = pd.read_parquet(path)
+    except FileNotFoundError as error:
+        if (path.parent / STUDY).is_file():
+            raise RunFolderError(
+                f"the study in {path.parent} is not finished, {path.name} is missing;"
+                f" hj-cosim study --resume --out {path.parent} goes on with it"
+            ) from error
+        raise RunFolderError(f"{broken} is missing") from error
     except (OSError, ValueError) as error:
         raise RunFolderError(f"{broken}: {error}") from error
     for name in columns:
+        if name not in table and name in KNOBS:
+            raise RunFolderError(f"the study in {path.parent} did not vary {name}, which the figure is about")
         if name not in table:
             raise RunFolderError(f"{broken} has no column {name}")
         if name not in (*TEXT_COLUMNS, BEHAVIOUR, TARGET_TABLE) and not pd.api.types.is_numeric_dtype(table[name]):

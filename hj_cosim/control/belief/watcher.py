@@ -51,7 +51,7 @@ class Watcher:
             observation.robot, self._robot_length, cars, observation.acceleration, self._expected(observation),
             self._lane_width, observation.time, self._believed, self._of,
         )  # fmt: skip
-        belief = self.belief(cars.vehicle)
+        belief = self._probability(cars.vehicle)
         was = self._suspected[cars.vehicle]
         self._suspected[cars.vehicle] = np.where(was, belief >= CLEARED_BELOW, belief >= SUSPECTED_FROM)
 
@@ -61,7 +61,7 @@ class Watcher:
         Of a car that has not been looked at yet, such as one that entered since, it is the prior.
         """
         self._make_room(vehicle)
-        return np.asarray(1.0 / (1.0 + np.exp(-self._believed[vehicle, 0])))
+        return self._probability(vehicle)
 
     def suspected(self, vehicle: np.ndarray) -> np.ndarray:
         """Return which of some cars (J,), by number, are suspected, (J,) bool; none that has not been looked at."""
@@ -70,11 +70,15 @@ class Watcher:
 
     def _make_room(self, vehicle: np.ndarray) -> None:
         """See to it that there are rows for some cars (J,), by number."""
-        needed = int(vehicle.max(initial=-1)) + 1
-        if needed > len(self._believed):
-            more = max(2 * needed, 16) - len(self._believed)
-            self._believed = np.vstack([self._believed, np.tile(self._never_seen, (more, 1))])
-            self._suspected = np.concatenate([self._suspected, np.zeros(more, np.bool_)])
+        if len(vehicle) == 0 or (needed := int(vehicle.max()) + 1) <= len(self._believed):
+            return
+        more = max(2 * needed, 16) - len(self._believed)
+        self._believed = np.vstack([self._believed, np.tile(self._never_seen, (more, 1))])
+        self._suspected = np.concatenate([self._suspected, np.zeros(more, np.bool_)])
+
+    def _probability(self, vehicle: np.ndarray) -> np.ndarray:
+        """Return what is believed of some cars (J,), by number, for whom there are rows, (J,)."""
+        return np.asarray(1.0 / (1.0 + np.exp(-self._believed[vehicle, 0])))
 
     def _expected(self, observation: Observation) -> np.ndarray:
         """Return what is expected of the cars' drivers, and last of one in the robot's place, (J + 1, 6)."""
