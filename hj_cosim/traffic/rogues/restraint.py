@@ -9,6 +9,7 @@ from hj_cosim.scene.observation import Observation
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import RogueLimits
 from hj_cosim.traffic.rogues.contract import CarInput
+from hj_cosim.traffic.rogues.neighbours import acceleration_behind_all, car_ahead, room_beside
 from hj_cosim.traffic.rogues.steering import LATERAL_RATE, LEAST_SPEED
 from hj_cosim.vehicles.idm import DESIRED_SPEED, MAX_ACCELERATION, MINIMUM_GAP, TIME_HEADWAY, idm_acceleration
 
@@ -38,9 +39,10 @@ def ordinary_input(observation: Observation, car: OwnCar, road: Road, robot_leng
     """
     x, y, speed = (float(each[car.row]) for each in (observation.x, observation.y, observation.speed))
     reach = 0.5 * road.lane_width
-    gaps, speeds = _ahead(observation, car.row, reach, road)
-    nearest = int(np.argmin(gaps))
-    gap, lead_speed = float(gaps[nearest]), float(speeds[nearest])
+    gap, lead_speed = car_ahead(observation.cars, car.row, reach)
+    to_end = _to_end(observation, car.row, road)
+    if to_end < gap:
+        gap, lead_speed = to_end, 0.0
     robot_x, robot_y, _, robot_speed = observation.robot.tolist()
     robot_gap = robot_x - x - 0.5 * (robot_length + float(observation.length[car.row]))
     if robot_x > x and abs(robot_y - y) < reach and robot_gap < gap:
@@ -61,28 +63,20 @@ def restrained(wanted: CarInput, observation: Observation, car: OwnCar, road: Ro
     """
     me = car.row
     x, y, speed = (float(each[me]) for each in (observation.x, observation.y, observation.speed))
-    length, width = float(observation.length[me]), float(observation.width[me])
+    width = float(observation.width[me])
     heading = max(min(wanted.heading, limits.heading), -limits.heading)
     lines = road.lane_lines(x)
     lowest, highest = float(lines[0]) + 0.5 * width, float(lines[-1]) - 0.5 * width
-    lengthwise = np.abs(observation.x - x) < 0.5 * (observation.length + length) + CLOSE_GAP
-    aside = observation.y - y
-    room = np.abs(aside) - 0.5 * (observation.width + width) - SIDE_ROOM
-    near = lengthwise & (np.arange(len(aside)) != me)
-    for side in (1.0, -1.0):
-        beside = near & (side * aside > 0.0)
-        if beside.any():
-            nearest = float(room[beside].min())
-            highest = min(highest, y + nearest) if side > 0.0 else highest
-            lowest = max(lowest, y - nearest) if side < 0.0 else lowest
+    right, left = room_beside(observation.cars, me, CLOSE_GAP)
+    lowest, highest = max(lowest, y - (right - SIDE_ROOM)), min(highest, y + (left - SIDE_ROOM))
     most, least = (_heading(LATERAL_RATE * (bound - y), speed) for bound in (highest, lowest))
     heading = max(min(heading, most), least) if least <= most else 0.0
-    gaps, speeds = _ahead(observation, me, 0.5 * (width + float(observation.width.max())) + 0.3, road)
     close = car.driver.copy()
     close[TIME_HEADWAY], close[MINIMUM_GAP] = CLOSE_HEADWAY, CLOSE_GAP
     close[DESIRED_SPEED], close[MAX_ACCELERATION] = UNHURRIED, limits.acceleration
     # Whoever stands, in the other of two lanes that it is in, counts for more than a nearer one who is fast.
-    followed = min(float(idm_acceleration(speed, *each, close)) for each in zip(gaps, speeds, strict=True))
+    reach = 0.5 * (width + float(observation.width.max())) + 0.3
+    followed = acceleration_behind_all(observation.cars, me, reach, _to_end(observation, me, road), close)
     acceleration = min(wanted.acceleration, followed)
     acceleration = max(min(acceleration, limits.acceleration), -limits.braking)
     return CarInput(max(min(heading, limits.heading), -limits.heading), acceleration)
@@ -113,15 +107,7 @@ def _heading(across: float, speed: float) -> float:
     return math.asin(max(min(across / max(speed, LEAST_SPEED), 1.0), -1.0))
 
 
-def _ahead(observation: Observation, me: int, reach: float, road: Road) -> tuple[np.ndarray, np.ndarray]:
-    """Return the gaps (K,), m, to the cars ahead within `reach` m sideways, and to the lane's end, and their speeds.
-
-    The end comes last, inf where there is none; it stands. A gap is negative beside who is ahead by less than a length.
-    """
-    x, y = float(observation.x[me]), float(observation.y[me])
-    length = float(observation.length[me])
-    distance = observation.x - x
-    ahead = np.flatnonzero((distance > 0.0) & (np.abs(observation.y - y) < reach))
-    to_end = road.lane_end(road.lane_at(y, x), x) - x - 0.5 * length - END_ROOM
-    gaps = distance[ahead] - 0.5 * (observation.length[ahead] + length)
-    return np.append(gaps, to_end), np.append(observation.speed[ahead], 0.0)
+def _to_end(observation: Observation, me: int, road: Road) -> float:
+    """Return how far it is to where the lane ends, m; inf where it does not."""
+    x, y, length = (float(each[me]) for each in (observation.x, observation.y, observation.length))
+    return road.lane_end(road.lane_at(y, x), x) - x - 0.5 * length - END_ROOM
