@@ -55,7 +55,7 @@ def room_beside(cars: Cars, own: int, distance: float) -> tuple[float, float]:
     right, left = math.inf, math.inf
     for other in range(len(cars.x)):
         apart = abs(cars.x[other] - cars.x[own])
-        if other == own or not apart < 0.5 * (cars.length[other] + cars.length[own]) + distance:
+        if apart >= 0.5 * (cars.length[other] + cars.length[own]) + distance:
             continue
         aside = cars.y[other] - cars.y[own]
         room = abs(aside) - 0.5 * (cars.width[other] + cars.width[own])
