@@ -46,7 +46,7 @@ def test_an_empty_road_is_driven_fast_and_on_the_left(make, observe):
 
 
 def test_a_slow_car_is_passed_where_there_is_room(make, observe):
-    slow = (3, 60.0, 5.0)
+    slow = (3, 40.0, 8.0)
     assert planned(make(), observe([slow], lane=3, speed=22.0)).action == RIGHT
 
 
@@ -64,10 +64,10 @@ def test_a_path_that_first_enters_the_right_lane_asks_for_the_right_lane(make, o
 
 @pytest.mark.parametrize(
     ("lanes", "action"),
-    [((1, 0, 2), RIGHT), ((1, 2, 0), LEFT), ((1, 0, 1), RIGHT), ((1, 1, 2), LEFT), ((1, 1, 1), FASTER)],
+    [((1, 0, 2), RIGHT), ((1, 2, 0), LEFT), ((1, 0, 1), RIGHT), ((1, 1, 2), FASTER), ((1, 1, 1), FASTER)],
     ids=str,
 )
-def test_of_the_lanes_on_a_path_the_first_other_one_is_asked_for_at_the_speed_of_the_paths_beginning(
+def test_of_the_lanes_on_a_path_the_first_other_one_within_a_second_is_asked_for_at_the_speed_of_its_beginning(
     make, observe, lanes, action
 ):
     times = np.arange(21) * STEP
@@ -76,6 +76,15 @@ def test_of_the_lanes_on_a_path_the_first_other_one_is_asked_for_at_the_speed_of
     plan = make()._answer(observe([], lane=1, speed=22.0), path)
     assert (plan.action, plan.target.lane) == (action, 1 + {LEFT: 1, RIGHT: -1}.get(action, 0))
     assert plan.target.speed == pytest.approx(22.0 + 3.0 * PlannerSettings().speed_response)
+
+
+@pytest.mark.parametrize(("across", "action"), [(0.9, LEFT), (1.1, LEFT), (1.4, FASTER), (2.6, FASTER)])
+def test_a_lane_that_the_path_enters_later_than_a_robot_told_to_now_is_not_asked_for_yet(make, observe, across, action):
+    times = np.arange(21) * STEP
+    lateral = np.where(times > across, 8.0, 4.0)
+    path = np.column_stack([1000.0 + 24.0 * times, lateral, 0.0 * times, 22.0 + times])
+    plan = make()._answer(observe([], lane=1, speed=22.0), path)
+    assert (plan.action, plan.target.lane) == (action, 2 if action == LEFT else 1)
 
 
 @pytest.mark.parametrize("lanes", [1, 2, 3])

@@ -72,6 +72,8 @@ class MppiPlanner:
         """Take what planners are handed; see PlannerInputs."""
         self._settings, self._options, self._road, self._tables = settings, options, road, table.stack
         self._instants = max(round(options.horizon / options.step), 1)
+        # Whoever is told to change lanes is across the line in half the time, a step more for the path has only these.
+        self._until_across = round(0.5 * settings.lane_change_time / options.step) + 1
         self._robot = RobotModel(
             robot.length, robot.width, robot.omega_max, robot.acceleration_min, robot.acceleration_max,
             robot.lateral_acceleration_max, robot.speed_max, HEADING_MAX, road.lane_width, road.lane_count,
@@ -182,13 +184,15 @@ class MppiPlanner:
         return np.asarray(np.tensordot(weights / weights.sum(), controls, axes=1))
 
     def _answer(self, observation: Observation, path: np.ndarray) -> Plan:
-        """Return the first other lane that the path enters, and its speed after the time in which one is tracked.
+        """Return the first other lane that the path enters soon, and its speed after the time in which one is tracked.
 
-        Not the lane in which it ends: a path may pass somebody on one side and come back, or go on to the other.
+        Not the lane in which it ends: a path may pass somebody on one side and come back, or go on to the other. Nor
+        one that it enters later than a robot does that is told to now: it may pass somebody in that lane before.
         """
         road, (x, y, _, speed) = self._road, observation.robot.tolist()
         here = road.lane_at(y, x)
-        lanes = road.nearest_lanes(path[:, 1], path[:, 0])
+        soon = path[: self._until_across + 1]
+        lanes = road.nearest_lanes(soon[:, 1], soon[:, 0])
         others = lanes[lanes != here]
         lane = min(max(int(others[0]), here - 1), here + 1) if len(others) else here
         times = np.arange(len(path)) * self._options.step
