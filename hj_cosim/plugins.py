@@ -316,7 +316,7 @@ def wrong_answer(plugin: object, method: str, what: str) -> PluginError:
 
 def is_number(value: object) -> bool:
     """Return whether an answer is one number, finite or not, of Python's or NumPy's."""
-    return isinstance(value, Real)
+    return isinstance(value, (float, int, Real))  # Real alone, an abstract class, takes ten times as long
 
 
 def require_quick(plugin: object, method: str, seconds: float) -> None:

@@ -134,7 +134,7 @@ def _wrong(decision: object, cars: int) -> str:
     slack, constraints, belief = decision.slack, decision.constraints, decision.belief
     if not (is_number(decision.control.omega) and is_number(decision.control.acceleration)):
         return f"{_short(decision)}, which is no FilterDecision of numbers"
-    is_count = is_number(constraints) and constraints in range(_MOST_CONSTRAINTS)
+    is_count = is_number(constraints) and 0 <= constraints < _MOST_CONSTRAINTS and constraints % 1 == 0
     if not (is_count and is_number(slack) and math.isfinite(slack)):
         return f"slack = {_short(slack)}, constraints = {_short(constraints)}; a finite slack and a count are right"
     if belief is not None:
