@@ -12,7 +12,7 @@ constructor is handed what it asks for by the names of its parameters, and nothi
 its own: a class attribute `Options`, a subclass of `hj_cosim.settings.Settings`, is filled from `planner.options`,
 `filter.options` or `scenario.rogues.options` and handed over as `options`.
 
-Nothing here can interrupt a method that never comes back: what an answer took is looked at when it is there.
+What is said of one that fails is in plugin_answers.py.
 """
 
 import hashlib
@@ -24,19 +24,14 @@ import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import entry_points
-from numbers import Real
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from hj_cosim.errors import ConfigurationError, HjCosimError, PluginError
 from hj_cosim.locations import code_file, whole_path
+from hj_cosim.plugin_answers import STRANGERS_ERRORS, class_of, failure, named, place_of_class, shown_path
 from hj_cosim.settings import Settings, shown, validate
-
-# s; an answer that took longer ends the episode. What has to be compiled can be so in `prepare`, which may take longer.
-SLOWEST_ANSWER = 10.0
-# What a stranger's code may end with, that a sentence is made of; Ctrl-C is not among it.
-STRANGERS_ERRORS = (Exception, SystemExit)
 
 
 @dataclass(frozen=True)
@@ -49,6 +44,7 @@ class PluginKind:
     setting: str  # that names it
     options: str  # settings of its own
     ours: Mapping[str, str]  # references by name
+    several: tuple[str, ...] = ()  # words that stand for several of them, where one may be named
 
 
 PLANNER = PluginKind(
@@ -110,7 +106,7 @@ def given(kind: PluginKind, plugin: object) -> str:
         kind: planner, filter or behaviour.
         plugin: a class, or an object of one.
     """
-    plugin_class = plugin if isinstance(plugin, type) else type(plugin)
+    plugin_class = class_of(plugin)
     module = sys.modules.get(plugin_class.__module__)
     file = getattr(module, "__file__", None)
     is_importable = plugin_class.__module__ != "__main__" and not isinstance(module, _FileModule)
@@ -137,7 +133,7 @@ def find_plugin(kind: PluginKind, reference: str) -> object:
         known = kind.ours if reference in kind.ours else known_names(kind)
         if reference not in known:
             raise ConfigurationError(
-                f"{asked}: no {kind.noun} is called so; choose one of {', '.join(known)},"
+                f"{asked}: no {kind.noun} is called so; choose one of {', '.join([*known, *kind.several])},"
                 " or write FILE.py:Class or package.module:Class"
             )
         place, _, name = known[reference].rpartition(":")
@@ -161,9 +157,9 @@ def _is_own_class(value: object, module: ModuleType, method: str) -> bool:
 
 def _with_method(kind: PluginKind, plugin: object, asked: str) -> object:
     if not callable(getattr(plugin, kind.method, None)):
-        plugin_class = plugin if isinstance(plugin, type) else type(plugin)
+        plugin_class = class_of(plugin)
         raise ConfigurationError(
-            f"{asked}: {_place_of_class(plugin_class)}: {plugin_class.__name__} has no method {kind.method!r},"
+            f"{asked}: {place_of_class(plugin_class)}: {plugin_class.__name__} has no method {kind.method!r},"
             f" which a {kind.noun} needs"
         )
     return plugin
@@ -215,18 +211,7 @@ def _not_imported(place: str, asked: str, error: BaseException) -> PluginError:
         where = f"{shown_path(error.filename or place)}:{error.lineno}"
     elif frames := [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == place]:
         where = f"{shown_path(place)}:{frames[-1].lineno}"
-    return PluginError(f"{asked} cannot be imported: {where}: {_named(error)}")
-
-
-def _named(error: BaseException) -> str:
-    said = str(error).splitlines()
-    return f"{type(error).__name__}: {said[0]}" if said else type(error).__name__
-
-
-def shown_path(path: str) -> str:
-    """Return a path as a user would write it: relative where it is below the current folder."""
-    there = Path(path)
-    return str(there.relative_to(Path.cwd())) if there.is_absolute() and there.is_relative_to(Path.cwd()) else path
+    return PluginError(f"{asked} cannot be imported: {where}: {named(error)}")
 
 
 def options_of(kind: PluginKind, plugin: object, options: Mapping[str, Any]) -> Settings | None:
@@ -239,9 +224,10 @@ def options_of(kind: PluginKind, plugin: object, options: Mapping[str, Any]) -> 
 
     Raises:
         ConfigurationError: if there are options and the plug-in has none, or one is wrong, which is named.
+        PluginError: if the settings' class itself cannot be used.
     """
     where = kind.options
-    plugin_class = plugin if isinstance(plugin, type) else type(plugin)
+    plugin_class = class_of(plugin)
     model = getattr(plugin_class, "Options", None)
     if model is None or not isinstance(plugin, type):
         if options:
@@ -250,10 +236,15 @@ def options_of(kind: PluginKind, plugin: object, options: Mapping[str, Any]) -> 
         return None
     if not (isinstance(model, type) and issubclass(model, Settings)):
         raise ConfigurationError(
-            f"{where}: {_place_of_class(plugin_class)}: {plugin_class.__name__}.Options must be a subclass of"
+            f"{where}: {place_of_class(plugin_class)}: {plugin_class.__name__}.Options must be a subclass of"
             " hj_cosim.settings.Settings"
         )
-    return validate(model, options, where)
+    try:
+        return validate(model, options, where)
+    except HjCosimError:
+        raise
+    except STRANGERS_ERRORS as error:  # a type that is defined nowhere, a validator that fails
+        raise PluginError(f"{where}: {place_of_class(model)}: {model.__qualname__}: {named(error)}") from error
 
 
 def construct(kind: PluginKind, plugin: object, offered: Mapping[str, object]) -> Any:
@@ -279,7 +270,7 @@ def construct(kind: PluginKind, plugin: object, offered: Mapping[str, object]) -
         )
         if has_to_be_given and parameter.name not in handed:
             raise PluginError(
-                f"{_place_of_class(plugin)}: {plugin.__name__} asks for {parameter.name!r};"
+                f"{place_of_class(plugin)}: {plugin.__name__} asks for {parameter.name!r};"
                 f" a {kind.noun} may ask for {', '.join(offered)}"
             )
     try:
@@ -288,62 +279,3 @@ def construct(kind: PluginKind, plugin: object, offered: Mapping[str, object]) -
         raise
     except STRANGERS_ERRORS as error:
         raise failure(plugin, "__init__", error) from error
-
-
-def failure(plugin: object, method: str, error: BaseException) -> PluginError:
-    """Return what to raise where a plug-in's method raised: one sentence with the file and line where it did.
-
-    Whoever calls a plug-in catches whatever it raises, for a run that goes on to a sentence or, in a study, to the next
-    episode; it is raised again as this, from the error itself, so that nothing is lost.
-    """
-    plugin_class = plugin if isinstance(plugin, type) else type(plugin)
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if frame.filename == _file_of(plugin_class)] or frames
-    place = f"{shown_path(own[-1].filename)}:{own[-1].lineno}"
-    return PluginError(f"{place}: {plugin_class.__name__}.{method} raised {_named(error)}")
-
-
-def wrong_answer(plugin: object, method: str, what: str) -> PluginError:
-    """Return what to raise where a plug-in's method answered what cannot be: one sentence with its file and line.
-
-    Args:
-        plugin: whose method it is.
-        method: its name.
-        what: goes on after "returned", and says what would be right.
-    """
-    return PluginError(f"{_place_of_method(plugin, method)}: {type(plugin).__name__}.{method} returned {what}")
-
-
-def is_number(value: object) -> bool:
-    """Return whether an answer is one number, finite or not, of Python's or NumPy's."""
-    return isinstance(value, (float, int, Real))  # Real alone, an abstract class, takes ten times as long
-
-
-def require_quick(plugin: object, method: str, seconds: float) -> None:
-    """Check that an answer did not take longer than SLOWEST_ANSWER.
-
-    Raises:
-        PluginError: if it did.
-    """
-    if seconds > SLOWEST_ANSWER:
-        raise PluginError(
-            f"{_place_of_method(plugin, method)}: {type(plugin).__name__}.{method} took {seconds:.1f} s;"
-            f" {SLOWEST_ANSWER:g} s is the most, and what has to be compiled first can be so in a method `prepare`"
-        )
-
-
-def _place_of_method(plugin: object, method: str) -> str:
-    code = getattr(getattr(type(plugin), method, None), "__code__", None)
-    return f"{shown_path(code.co_filename)}:{code.co_firstlineno}" if code else _place_of_class(type(plugin))
-
-
-def _place_of_class(plugin_class: type) -> str:
-    file = _file_of(plugin_class)
-    try:
-        return f"{shown_path(file)}:{inspect.getsourcelines(plugin_class)[1]}"
-    except (OSError, TypeError):  # its source is not there to be read
-        return shown_path(file)
-
-
-def _file_of(plugin_class: type) -> str:
-    return str(getattr(sys.modules.get(plugin_class.__module__), "__file__", plugin_class.__module__))

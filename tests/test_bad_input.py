@@ -76,7 +76,7 @@ ASSIGNMENTS = {
     "simulation.plan_period=-1": "greater than 0",
     "scenario.rogues.share=1.5": "scenario.rogues.share = 1.5",
     "scenario.rogues.limits.braking=0": "scenario.rogues.limits.braking = 0",
-    "scenario.rogues.behaviour=polite": "no behaviour is called so; choose one of cut_in, brake_check, tailgate",
+    "scenario.rogues.behaviour=polite": "choose one of cut_in, brake_check, tailgate, drift, block, worst, mixed, or",
     "scenario.rogues.options={ gap = 3.0 }": "options are one behaviour's own",
     "simulation.settle_time=-1": "greater than or equal to 0",
     "simulation.on_collision=explode": "'stop' or 'continue'",

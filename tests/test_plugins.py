@@ -7,11 +7,15 @@ import sys
 from pathlib import Path
 
 import pytest
+from pydantic import field_validator
 
 from hj_cosim import plugins
 from hj_cosim.errors import ConfigurationError, HjCosimError, PluginError
+from hj_cosim.planning.guard import GuardedPlanner
 from hj_cosim.planning.idle import IdlePlanner
+from hj_cosim.plugin_answers import named, shown_answer
 from hj_cosim.plugins import FILTER, PLANNER, construct, find_plugin, given, options_of, whole_reference
+from hj_cosim.scene.road import StraightRoad
 
 KEEP = """
 from hj_cosim.planning.contract import Plan
@@ -139,6 +143,49 @@ def test_options_are_the_class_s_own_settings_and_others_are_refused():
     with pytest.raises(ConfigurationError, match=r"Loose.Options must be a subclass of hj_cosim.settings.Settings"):
         options_of(PLANNER, Loose, {})
     assert options_of(PLANNER, Curious, {}) is None
+
+
+def test_options_that_pydantic_cannot_use_or_that_fail_are_named_with_their_place():
+    class Unfinished(Curious):
+        class Options(plugins.Settings):
+            margin: "Metres" = 5.0  # noqa: F821
+
+    class Raising(Curious):
+        class Options(plugins.Settings):
+            margin: float = 5.0
+
+            @field_validator("margin")
+            @classmethod
+            def judge(cls, margin):
+                return {}[margin]
+
+    with pytest.raises(PluginError, match=r"^planner\.options: .*test_plugins.py:\d+: .*Options: .* not fully defined"):
+        options_of(PLANNER, Unfinished, {})
+    with pytest.raises(PluginError, match=r"^planner\.options: .*test_plugins.py:\d+: .*Options: KeyError: 3\.0$"):
+        options_of(PLANNER, Raising, {"margin": 3.0})
+
+
+class Speechless(Exception):
+    def __str__(self):
+        raise ValueError("nothing to say")
+
+    __repr__ = __str__
+
+
+def test_an_error_and_an_answer_that_cannot_be_shown_are_called_by_their_class():
+    assert named(Speechless()) == "Speechless"
+    assert shown_answer(Speechless()) == "a Speechless"
+    assert shown_answer("a" * 100) == f"'{'a' * 59}..."
+
+
+def test_a_method_that_takes_other_arguments_is_placed_in_its_file():
+    class Narrow:
+        def plan(self):
+            raise AssertionError("not to be called")
+
+    line = Narrow.plan.__code__.co_firstlineno
+    with pytest.raises(PluginError, match=rf"^\S*test_plugins.py:{line}: Narrow.plan raised TypeError: .*takes 1 pos"):
+        GuardedPlanner(Narrow(), StraightRoad(4)).plan(None, None)
 
 
 def test_a_class_or_an_object_that_was_given_is_found_under_its_reference():

@@ -150,11 +150,9 @@ def figure(
         return
     from hj_cosim.analysis.figures.gallery import draw_figure
     from hj_cosim.analysis.figures.style import PRINT_DPI, save_drawing
-    from hj_cosim.recording.study_files import require_not_ours
 
     folder = run or study
     target = out or (folder / "figures" if folder else runs_folder() / "figures") / name
-    require_not_ours(target if target.suffix else target.with_name(f"{target.name}.csv"))  # as save_drawing names it
     show_files(save_drawing(draw_figure(name, run=run, study=study, width=width), target, PRINT_DPI), as_json)
 
 

@@ -15,7 +15,14 @@ import numpy as np
 
 from hj_cosim.control.contract import FilterDecision, PreparedFilter, SafetyFilter
 from hj_cosim.errors import HjCosimError
-from hj_cosim.plugins import STRANGERS_ERRORS, failure, is_number, require_quick, wrong_answer
+from hj_cosim.plugin_answers import (
+    STRANGERS_ERRORS,
+    failure,
+    is_number,
+    require_quick,
+    shown_answer,
+    wrong_answer,
+)
 from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.settings import RobotSettings
 
@@ -130,19 +137,20 @@ def _wrong(decision: object, cars: int) -> str:
     A control may be NaN or infinite: so a filter says that it cannot judge.
     """
     if not (isinstance(decision, FilterDecision) and isinstance(decision.control, Control)):
-        return f"{_short(decision)}, which is no FilterDecision with a Control"
+        return f"{shown_answer(decision)}, which is no FilterDecision with a Control"
     slack, constraints, belief = decision.slack, decision.constraints, decision.belief
     if not (is_number(decision.control.omega) and is_number(decision.control.acceleration)):
-        return f"{_short(decision)}, which is no FilterDecision of numbers"
+        return f"{shown_answer(decision)}, which is no FilterDecision of numbers"
     is_count = is_number(constraints) and 0 <= constraints < _MOST_CONSTRAINTS and constraints % 1 == 0
     if not (is_count and is_number(slack) and math.isfinite(slack)):
-        return f"slack = {_short(slack)}, constraints = {_short(constraints)}; a finite slack and a count are right"
+        answers = f"slack = {shown_answer(slack)}, constraints = {shown_answer(constraints)}"
+        return f"{answers}; a finite slack and a count are right"
     if belief is not None:
         numbers = np.asarray(belief)
         if numbers.shape != (cars,) or numbers.dtype.kind not in "fiu" or not ((numbers >= 0) & (numbers <= 1)).all():
-            return f"belief = {_short(belief)}; a probability of each of the {cars} cars is right"
+            return f"belief = {shown_answer(belief)}; a probability of each of the {cars} cars is right"
     if decision.diagnostics and not _are_numbers_by_name(decision.diagnostics):
-        return f"diagnostics = {_short(decision.diagnostics)}; finite numbers by name are right"
+        return f"diagnostics = {shown_answer(decision.diagnostics)}; finite numbers by name are right"
     return ""
 
 
@@ -150,8 +158,3 @@ def _are_numbers_by_name(diagnostics: object) -> bool:
     return isinstance(diagnostics, Mapping) and all(
         isinstance(name, str) and is_number(value) and math.isfinite(value) for name, value in diagnostics.items()
     )
-
-
-def _short(value: object) -> str:
-    shown = repr(value)
-    return shown if len(shown) <= 60 else f"{shown[:60]}..."

@@ -38,6 +38,7 @@ def resolve_config(
     preset: str | None = None,
     flags: Mapping[str, Any] | None = None,
     assignments: Sequence[str] | Mapping[str, Any] = (),
+    varied: Sequence[str] = (),
 ) -> EpisodeConfig:
     """Return the configuration of one episode.
 
@@ -50,6 +51,7 @@ def resolve_config(
         flags: nested values, as the command line's options give them; they win over the scenario.
         assignments: texts `KEY=VALUE`, as `--set` takes them, or a mapping; they win over everything, the last over the
             first.
+        varied: texts `KEY=VALUE`, each a value of one of a study's `--vary`; they win over the assignments.
 
     Raises:
         ConfigurationError: if anything is unknown, of the wrong type, or out of range.
@@ -60,6 +62,7 @@ def resolve_config(
         raise ConfigurationError(f"no preset is called {shown(repr(preset))}; choose one of {', '.join(PRESETS)}")
     layers = [("the command line", flags or {})]
     layers += [(f"--set {shown(text)}", parse_assignment(text)) for text in assignment_texts(assignments)]
+    layers += [(f"--vary {shown(text)}", parse_assignment(text, "--vary")) for text in varied]
     for _, layer in layers:
         named = layer.get("preset")
         if isinstance(named, str) and named in PRESETS:  # any other value is refused below, with its layer's name

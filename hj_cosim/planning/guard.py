@@ -6,7 +6,14 @@ from dataclasses import replace
 
 from hj_cosim.errors import HjCosimError
 from hj_cosim.planning.contract import ACTION_COUNT, Plan, Planner, PreparedPlanner
-from hj_cosim.plugins import STRANGERS_ERRORS, failure, is_number, require_quick, wrong_answer
+from hj_cosim.plugin_answers import (
+    STRANGERS_ERRORS,
+    failure,
+    is_number,
+    require_quick,
+    shown_answer,
+    wrong_answer,
+)
 from hj_cosim.scene.observation import FARTHEST, Observation, Target
 from hj_cosim.scene.road import Road
 
@@ -62,17 +69,12 @@ class GuardedPlanner:
     def _wrong(self, plan: object) -> str:
         """Return what is wrong with an answer, to go on after "returned"; empty if nothing is."""
         if not (isinstance(plan, Plan) and isinstance(plan.target, Target)):
-            return f"{_short(plan)}, which is no Plan with a Target"
+            return f"{shown_answer(plan)}, which is no Plan with a Target"
         lane, speed, action = plan.target.lane, plan.target.speed, plan.action
         if not (is_number(lane) and math.isfinite(lane) and lane == int(lane) and 0 <= lane < self._lane_count):
-            return f"a target in lane {_short(lane)}; the road has the lanes 0 to {self._lane_count - 1}"
+            return f"a target in lane {shown_answer(lane)}; the road has the lanes 0 to {self._lane_count - 1}"
         if not (is_number(speed) and 0.0 <= speed <= FARTHEST):
-            return f"a target speed of {_short(speed)}; 0 m/s or more is a speed"
+            return f"a target speed of {shown_answer(speed)}; 0 m/s or more is a speed"
         if not (is_number(action) and action in range(ACTION_COUNT)):
-            return f"the action {_short(action)}; the actions are 0 to {ACTION_COUNT - 1} (planning/contract.py)"
+            return f"the action {shown_answer(action)}; the actions are 0 to {ACTION_COUNT - 1} (planning/contract.py)"
         return ""
-
-
-def _short(value: object) -> str:
-    shown = repr(value)
-    return shown if len(shown) <= 60 else f"{shown[:60]}..."

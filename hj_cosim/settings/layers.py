@@ -125,8 +125,12 @@ def overlay(base: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def parse_assignment(text: str) -> dict[str, Any]:
+def parse_assignment(text: str, option: str = "--set") -> dict[str, Any]:
     """Return `planner.gamma_r=0.8` as `{"planner": {"gamma_r": 0.8}}`; the value is TOML, or else a string.
+
+    Args:
+        text: KEY=VALUE.
+        option: where it was given, to be named where it is wrong.
 
     Raises:
         ConfigurationError: if there is no `=` or no key.
@@ -134,13 +138,13 @@ def parse_assignment(text: str) -> dict[str, Any]:
     key, separator, value = text.partition("=")
     parts = [part.strip() for part in key.split(".")]
     if not separator or not all(parts):
-        raise ConfigurationError(f"--set {shown(text)}: write KEY=VALUE, for example planner.gamma_r=0.8")
+        raise ConfigurationError(f"{option} {shown(text)}: write KEY=VALUE, for example planner.gamma_r=0.8")
     if len(parts) > DEEPEST_TOML:
-        raise ConfigurationError(f"--set {shown(text)}: no key has so many parts")
+        raise ConfigurationError(f"{option} {shown(text)}: no key has so many parts")
     try:
         text.encode()
     except UnicodeEncodeError as error:
-        raise ConfigurationError(f"--set {text!r} is not UTF-8; write it with letters that are") from error
+        raise ConfigurationError(f"{option} {text!r} is not UTF-8; write it with letters that are") from error
     try:
         parsed: Any = parse_toml(f"value = {value}")["value"]
     except ValueError:

@@ -1,7 +1,7 @@
 """What a study consists of: which stacks in which scenarios with which varied knobs, all on the same seeds."""
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -10,7 +10,7 @@ from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.files import file_name
 from hj_cosim.recording.study_files import StudyRequest, split_variation
-from hj_cosim.settings import EpisodeConfig, Scenario, overlay, parse_assignment, shown
+from hj_cosim.settings import EpisodeConfig, Scenario, flattened, overlay, parse_assignment, shown
 from hj_cosim.study.stacks import PAPER_STACKS, Stack, parse_stack
 
 # What a row of the table says of itself; varying it would make the row say something else than what was driven.
@@ -24,6 +24,11 @@ class Variation:
 
     key: str  # as in `--set`, for example planner.gamma_r
     values: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """Return it as `--vary` takes it."""
+        return f"{self.key}={','.join(self.values)}"
 
 
 def parse_variation(text: str) -> Variation:
@@ -82,7 +87,7 @@ def _papers_traffic(preset: str) -> Scenario:
 
 
 def _value(key: str, text: str) -> Any:
-    value: Any = parse_assignment(f"{key}={text}")
+    value: Any = parse_assignment(f"{key}={text}", "--vary")
     for part in key.split("."):
         value = value[part]
     return value
@@ -142,6 +147,7 @@ def design_study(
         raise ConfigurationError("a study needs one scenario and one stack or more")
     for text in settings:
         _require_not_a_rows_own(text)
+    _require_each_key_once(settings, variations)
     cells = []
     base: dict[str, Any] = {"seed": seed, "simulation": {"on_collision": "continue"}}
     if traffic != "theirs":
@@ -154,7 +160,8 @@ def design_study(
                     scenario,
                     preset=preset,
                     flags=overlay(base, stack.flags),
-                    assignments=[*settings, *(f"{key}={value}" for key, value in setting)],
+                    assignments=settings,
+                    varied=[f"{key}={value}" for key, value in setting],
                 )
                 cells.append(Cell(config.scenario.name, setting, stack, config))
     design = StudyDesign(tuple(cells), tuple(range(seed, seed + episodes)))
@@ -172,6 +179,26 @@ def _require_not_a_rows_own(assignment: str) -> None:
             raise ConfigurationError(
                 f"--set {shown(assignment)}: a study sets {key} itself; choose stacks and seeds instead"
             )
+
+
+def _require_each_key_once(settings: Sequence[str], variations: Sequence[Variation]) -> None:
+    """Check that nothing is varied twice, or varied and set, of which one would do nothing."""
+    taken: dict[str, str] = {}  # the option that gives a key
+    for variation in variations:
+        option = f"--vary {shown(variation.text)}"
+        keys = {key for value in variation.values for key in _keys(f"{variation.key}={value}")}
+        for key in sorted(keys):
+            if key in taken:
+                raise ConfigurationError(f"{option} and {taken[key]} vary the same setting; leave one of them out")
+        taken |= dict.fromkeys(keys, option)
+    for text in settings:
+        for key in _keys(text):
+            if key in taken:
+                raise ConfigurationError(f"--set {shown(text)}: {taken[key]} gives that setting; leave one of them out")
+
+
+def _keys(assignment: str) -> list[str]:
+    return [key for key, _ in flattened(parse_assignment(assignment))]
 
 
 def design_of(request: StudyRequest) -> StudyDesign:

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hj_cosim import plugins, run_episode
+from hj_cosim import plugin_answers, plugins, run_episode
 from hj_cosim.control.catalogue import make_filter
 from hj_cosim.control.contract import FilterDecision
 from hj_cosim.cosim.configuration import resolve_config
@@ -226,8 +226,8 @@ def test_an_answer_that_takes_too_long_ends_the_drive(small_table, monkeypatch):
         time.sleep(0.05)
         return Plan(0, previous)
 
-    assert plugins.SLOWEST_ANSWER == 10.0
-    monkeypatch.setattr(plugins, "SLOWEST_ANSWER", 0.04)
+    assert plugin_answers.SLOWEST_ANSWER == 10.0
+    monkeypatch.setattr(plugin_answers, "SLOWEST_ANSWER", 0.04)
     with pytest.raises(
         PluginError, match=r"Planning.plan took 0\.\d s; 0.04 s is the most, and what has to be compiled"
     ):

@@ -78,9 +78,18 @@ def test_a_setting_that_would_make_a_rows_name_untrue_is_refused(key):
         design_study(stacks=PROPOSED, settings=(f"{key}=1",))
 
 
-def test_a_wrong_value_in_a_sweep_names_key_and_value():
+def test_what_is_varied_is_not_set_or_varied_besides():
+    varied, again = parse_variation("planner.gamma_r=0.8,0.9"), parse_variation("planner.gamma_r=1")
+    said = r"--set planner\.gamma_r=0\.7: --vary planner\.gamma_r=0\.8,0\.9 gives that setting; leave one of them out"
+    with pytest.raises(ConfigurationError, match=said):
+        design_study(stacks=PROPOSED, variations=(varied,), settings=("filter.epsilon=1", "planner.gamma_r=0.7"))
+    with pytest.raises(ConfigurationError, match=r"--vary planner\.gamma_r=1 and --vary .* vary the same setting"):
+        design_study(stacks=PROPOSED, variations=(varied, again))
+
+
+def test_a_wrong_value_in_a_sweep_names_option_key_and_value():
     variations = (parse_variation("planner.gamma_r=0.8,1.5"),)
-    with pytest.raises(ConfigurationError, match=r"planner\.gamma_r = 1\.5"):
+    with pytest.raises(ConfigurationError, match=r"^--vary planner\.gamma_r=1\.5: planner\.gamma_r = 1\.5"):
         design_study(stacks=PROPOSED, variations=variations)
 
 

@@ -20,6 +20,7 @@ from matplotlib.textpath import text_to_path
 
 from hj_cosim.errors import OutputError
 from hj_cosim.files import whole_file
+from hj_cosim.recording.study_files import require_not_ours
 
 if TYPE_CHECKING:
     import pandas as pd  # imported where a DataFrame is asked for: a picture needs none
@@ -209,9 +210,11 @@ def save_drawing(drawing: Drawing, path: Path, dpi: int | None = None) -> list[P
         The files written.
 
     Raises:
-        HjCosimError: if a file cannot be written, or its suffix is another.
+        HjCosimError: if a file cannot be written, its suffix is another, or it is one of a run's or a study's own.
     """
     paths = [path] if path.suffix else [path.with_name(path.name + suffix) for suffix in (".png", ".pdf", ".csv")]
+    for target in paths:
+        require_not_ours(target)
     with house_style():
         # Laid out once: every rendering would move things a little further, and cost as much again. None, and not
         # "none", for which Matplotlib draws everything twice.

@@ -22,6 +22,7 @@ BEHAVIOUR = PluginKind(
         "block": "hj_cosim.traffic.rogues.block:Block",
         "worst": "hj_cosim.traffic.rogues.worst:Worst",
     },
+    several=(MIXED,),
 )
 _SEED_STREAM = 4  # of the draws that concern rogues, so that they change no other
 

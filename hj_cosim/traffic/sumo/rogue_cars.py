@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hj_cosim.errors import HjCosimError
-from hj_cosim.plugins import STRANGERS_ERRORS, failure, is_number, plugin_name, wrong_answer
+from hj_cosim.plugin_answers import STRANGERS_ERRORS, failure, is_number, shown_answer, wrong_answer
+from hj_cosim.plugins import plugin_name
 from hj_cosim.scene.observation import Observation
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import RobotSettings, RogueSettings
@@ -174,5 +175,5 @@ def _asked(behaviour: Behaviour, view: RogueView) -> CarInput | None:
     if answer is None:
         return None
     if not isinstance(answer, CarInput) or not all(is_number(wanted) and math.isfinite(wanted) for wanted in answer):
-        raise wrong_answer(behaviour, "act", f"{answer!r}; a CarInput of finite numbers, or None, is right")
+        raise wrong_answer(behaviour, "act", f"{shown_answer(answer)}; a CarInput of finite numbers, or None, is right")
     return answer
