@@ -108,6 +108,10 @@ def test_a_configuration_without_an_end_has_none_and_its_seed_counts(tmp_path, f
             r"'nowhere\.net\.xml': there is no such",
         ),
         (
+            '<configuration><net-file value="a.sumocfg"/><load-state value="gone.xml.gz"/></configuration>',
+            r"a\.sumocfg: load-state = 'gone\.xml\.gz': there is no such",
+        ),
+        (
             '<configuration><net-file value="a.sumocfg"/><begin value="soon"/></configuration>',
             "begin = 'soon' is no time",
         ),

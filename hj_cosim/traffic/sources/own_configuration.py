@@ -28,6 +28,7 @@ DEEPEST_INCLUDE = 10
 NETWORK = ("net-file", "net", "n")
 ROUTES = ("route-files", "routes", "r")
 ADDITIONAL = ("additional-files", "additional", "a")
+STATE = "load-state"
 BEGIN, END, STEP = ("begin", "b"), ("end", "e"), ("step-length",)
 _WRITES = re.compile(
     r".*-output(\..*)?|netstate(-dump)?(\..*)?|n?dump|tripinfo(\..*)?|vehroutes?(\..*)?|summary|l|log(-file)?|error-log"
@@ -95,8 +96,9 @@ def copy_configuration(path: Path, folder: Path, added: Path | None = None) -> O
         name = next((each for each in ADDITIONAL if each in options), ADDITIONAL[0])
         options[name] = ",".join([*filter(None, [options.get(name)]), str(added)])
     network = Path(_absolute(path.parent, networks[0]))
-    if not network.is_file():
-        raise ConfigurationError(f"{path}: net-file = {shown(repr(networks[0]))}: there is no such file")
+    for name, named in (("net-file", networks[0]), (STATE, given.get(STATE))):
+        if named and not Path(_absolute(path.parent, named)).is_file():
+            raise ConfigurationError(f"{path}: {name} = {shown(repr(named))}: there is no such file")
     copy = folder / "own.sumocfg"
     with copy.open("w", encoding="utf-8") as file:
         writer = XMLGenerator(file, "utf-8")
