@@ -27,7 +27,7 @@ run: .venv/.run-ready
 	@$(BIN)/hj-cosim run $(RUN_ARGS)
 
 test: .venv/.test-ready
-	@$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	@$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=5 --durations-min=20
 
 test-cluster: .venv/.test-ready
 	@$(BIN)/python -m pytest tests/study/cluster

@@ -3,14 +3,13 @@
 from dataclasses import fields
 
 from hj_cosim.control.belief.believing_filter import BelievingFilter
-from hj_cosim.control.belief.watcher import DEFAULT_DRIVERS
 from hj_cosim.control.contract import FilterInputs, SafetyFilter
 from hj_cosim.control.spc.filter import SafetyPreservingFilter
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.plugins import FILTER, construct, find_plugin, options_of
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.road import Road
-from hj_cosim.settings import DriverSettings, FilterSettings, RobotSettings
+from hj_cosim.settings import DEFAULT_DRIVERS, DriverSettings, FilterSettings, RobotSettings
 from hj_cosim.vehicles.drivers import means_of
 
 

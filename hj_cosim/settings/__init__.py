@@ -27,6 +27,7 @@ from hj_cosim.settings.recording import RecordingSettings
 from hj_cosim.settings.robot import RobotSettings, TrackingSettings
 from hj_cosim.settings.rogues import MIXED, RogueLimits, RogueSettings
 from hj_cosim.settings.scenario import (
+    DEFAULT_DRIVERS,
     CarStart,
     DriverSettings,
     KindDrivers,
@@ -42,6 +43,7 @@ from hj_cosim.settings.table import Boundary, GridSettings, Scheme, TableSpecifi
 
 __all__ = [
     "DEEPEST_TOML",
+    "DEFAULT_DRIVERS",
     "LARGEST_TOML",
     "LONGEST_TOML_LINE",
     "MIXED",

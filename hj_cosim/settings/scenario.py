@@ -69,6 +69,9 @@ class DriverSettings(Settings):
     )
 
 
+DEFAULT_DRIVERS = DriverSettings()
+
+
 class KindDrivers(Settings):
     """What the drivers of a kind of vehicle are drawn from, where it is not what `drivers` says."""
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from synthetic_runs import random_record
 
+from hj_cosim.settings import DriverSettings, NormalDistribution
 from hj_cosim.verification.belief_calibration import _binned, beliefs_of, reliability
 
 
@@ -41,3 +42,18 @@ def test_reliability_counts_near_cars_by_whether_they_are_rogues():
     assert whole.count == near.sum()
     assert whole.are == pytest.approx(near[:, 0].sum() / near.sum())
     assert whole.said == pytest.approx(belief[near].mean())
+
+
+def test_who_drives_as_the_scenario_says_is_not_suspected_for_it():
+    record = random_record(samples=60, cars=6)
+    hurried = DriverSettings(desired_speed=NormalDistribution(mean=40.0, deviation=1.0))
+    expected, told = (beliefs_of(record, drivers)[1] for drivers in (DriverSettings(), hurried))
+    assert not np.array_equal(expected, told, equal_nan=True)
+    assert reliability([record], edges=(0.0, 1.0), drivers=hurried)[0].said == pytest.approx(
+        told[np.isfinite(told) & _near(record)].mean()
+    )
+
+
+def _near(record):
+    samples = np.arange(0, 60, 5)
+    return np.abs(record.traffic.x[samples] - record.robot.x[samples][:, None]) <= 100.0

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from hj_cosim.control.belief.watcher import DEFAULT_DRIVERS, Watcher
+from hj_cosim.control.belief.watcher import Watcher
 from hj_cosim.control.contract import FilterDecision
 from hj_cosim.control.problem.nearest_control import RowsDecision
 from hj_cosim.control.problem.safety_problem import SafetyRows
@@ -16,7 +16,7 @@ from hj_cosim.reachability.table.store import load_table
 from hj_cosim.reachability.table.table import ValueTable
 from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.scene.road import Road
-from hj_cosim.settings import DriverSettings, FilterSettings, RobotSettings
+from hj_cosim.settings import DEFAULT_DRIVERS, DriverSettings, FilterSettings, RobotSettings
 
 WORST_TABLE = "highway_worst"  # of value_tables/: against anything that a car's limits allow
 SUSPECTS = "suspected cars"  # diagnostics: how many, summed over the drive

@@ -6,12 +6,11 @@ import numpy as np
 
 from hj_cosim.control.belief.hypotheses import ASSUMED, Hypotheses, prior_log_odds, watch
 from hj_cosim.scene.observation import Observation
-from hj_cosim.settings import DriverSettings
+from hj_cosim.settings import DEFAULT_DRIVERS, DriverSettings
 from hj_cosim.vehicles.idm import PARAMETER_NAMES, mean_driver
 
 PERIOD = 0.1  # s, between two looks
 SUSPECTED_FROM, CLEARED_BELOW = 0.8, 0.5  # beliefs; two, so that who is suspected does not change back and forth
-DEFAULT_DRIVERS = DriverSettings()
 _ROUNDING = 1e-6  # s
 
 
