@@ -14,7 +14,7 @@ from numba import njit
 
 from hj_cosim.control.spc.recovery import recovery_rate
 from hj_cosim.kernels import kernel
-from hj_cosim.reachability.table.value_scale import scaled, steepness
+from hj_cosim.reachability.table.value_scale import slowest_rise
 
 NOT_NEEDED = -1
 _NO_REACH = 1e-12  # of a row that no control changes
@@ -31,8 +31,7 @@ def asked_rise(value: float, epsilon: float, recovery: float, approach: float) -
         approach: γ, 1/s, above ε.
     """
     if value > epsilon:
-        scale = scaled(value)
-        return -approach * steepness(scale) * (scale - scaled(epsilon))
+        return slowest_rise(value, epsilon, approach)
     return recovery_rate(value, epsilon, recovery)
 
 

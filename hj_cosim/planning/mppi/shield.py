@@ -16,7 +16,7 @@ from hj_cosim.reachability.games.highway.rows import game_in, worst_drift
 from hj_cosim.reachability.table.lookup import value_and_gradient_at
 from hj_cosim.reachability.table.size_classes import class_of, offsets_in_class
 from hj_cosim.reachability.table.stack import TableStack, grid_in
-from hj_cosim.reachability.table.value_scale import scaled, steepness
+from hj_cosim.reachability.table.value_scale import slowest_rise
 
 _NO_HOLD = 1e-9  # of ∂V/∂v_r, below which no acceleration changes anything
 
@@ -35,10 +35,7 @@ NO_SHIELD = Shield(np.empty((0, 0)), 0.0, 0.0)
 @njit(cache=True, error_model="numpy")
 def asked_rise(value: float, shield: Shield) -> float:
     """Return how fast V, m, has to rise at the least, m/s: not to fall below ε, and no faster than it is far above."""
-    if value <= shield.epsilon:
-        return 0.0
-    scale = scaled(value)
-    return -shield.approach * steepness(scale) * (scale - scaled(shield.epsilon))
+    return slowest_rise(value, shield.epsilon, shield.approach) if value > shield.epsilon else 0.0
 
 
 @njit(cache=True, error_model="numpy")

@@ -50,3 +50,16 @@ def steepness(scaled_value: float) -> float:
     """Return dV/ds, m per unit of s; at least 12 c²."""
     root = abs(scaled_value) + SOFTENING
     return 12.0 * root * root
+
+
+@kernel
+def slowest_rise(value: float, limit: float, approach: float) -> float:
+    """Return dV/dt, m/s, of a V above a limit that comes as near as it may: ds/dt = −γ (s(V) − s(limit)).
+
+    Args:
+        value: V, m.
+        limit: m, below V.
+        approach: γ, 1/s.
+    """
+    scale = scaled(value)
+    return -approach * steepness(scale) * (scale - scaled(limit))
