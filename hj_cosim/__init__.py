@@ -35,3 +35,8 @@ def __getattr__(name: str) -> "Any":
     from importlib import import_module
 
     return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> "list[str]":
+    """Return what there is, of which nothing has to have been used, for whoever asks by the tabulator key."""
+    return sorted([*(name for name in globals() if name.startswith("__")), *__all__])

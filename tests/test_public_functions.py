@@ -110,3 +110,7 @@ def test_a_table_is_asked_about_states_of_its_own_shape_alone(small_table, quest
             ask(states)
     for strange in (None, "here", [[object()] * 5], {}, np.full((2, 5), 1j)):
         require_sentence(refused(lambda states: ask(states), states=strange))
+
+
+def test_whoever_asks_by_the_tabulator_key_finds_what_there_is():
+    assert [name for name in dir(hj_cosim) if not name.startswith("_")] == sorted(hj_cosim.__all__)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from hj_cosim import __version__
-from hj_cosim.cli.console import results
+from hj_cosim.cli.console import answers_alone, results
 
 CONTEXT = {"help_option_names": ["-h", "--help"]}
 
@@ -40,7 +40,15 @@ Scenario = Annotated[
 Specification = Annotated[str, typer.Argument(help="A name in value_tables/ or a path to a specification TOML.")]
 RunFolder = Annotated[Path, typer.Argument(metavar="DIR", help="The folder of a run.")]
 Watch = Annotated[bool, typer.Option("--watch", help="Show it as it happens, in a page of this machine's browser.")]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+
+
+def _alone(context: typer.Context, asked: bool) -> bool:
+    if asked:
+        context.with_resource(answers_alone())
+    return asked
+
+
+Json = Annotated[bool, typer.Option("--json", callback=_alone, help="Print the result as JSON.")]
 
 
 def _print_version(asked: bool) -> None:

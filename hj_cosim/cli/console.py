@@ -3,9 +3,11 @@
 import json
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
@@ -21,6 +23,8 @@ from hj_cosim.metrics.catalogue import shown_in_run
 # Results go to standard output, everything for people's eyes only to standard error, so that --json can be piped.
 messages = Console(stderr=True)
 results = Console()
+# Where JSON goes while `answers_alone` holds; empty otherwise.
+_answers: list[TextIO] = []
 
 _NARROWEST_TEXT = 24  # columns that a table's last, longest text needs to be read
 
@@ -68,9 +72,20 @@ def bar(bars: Progress, description: str) -> Callable[[int, int], None]:
     return advance
 
 
+@contextmanager
+def answers_alone() -> Iterator[None]:
+    """Keep standard output for what `print_json` prints; all else, of a plug-in perhaps, goes to standard error."""
+    _answers.append(sys.stdout)
+    try:
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        _answers.pop()
+
+
 def print_json(value: Any) -> None:
     """Print a result as strict JSON; what is not finite becomes null."""
-    print(json.dumps(_finite(value), indent=2, allow_nan=False))
+    print(json.dumps(_finite(value), indent=2, allow_nan=False), file=_answers[-1] if _answers else sys.stdout)
 
 
 def _finite(value: Any) -> Any:

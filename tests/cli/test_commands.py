@@ -45,6 +45,30 @@ def test_same_seed_in_another_process_writes_the_same_bytes(call, run_folder, sm
         assert (other / name).read_bytes() != (run_folder / name).read_bytes()
 
 
+TALKING = """
+from hj_cosim.planning.contract import Plan
+
+print("imported")
+
+class Talking:
+    def plan(self, observation, previous):
+        print("planning")
+        return Plan(0, previous)
+"""
+
+
+def test_what_a_plug_in_prints_is_kept_out_of_the_json(call, small_specification, tmp_path):
+    planner = tmp_path / "talking.py"
+    planner.write_text(TALKING)
+    options = ("run", "--table", small_specification, "--duration", 0.1, "--planner", f"{planner}:Talking")
+    status, out, said = call(*options, "--out", tmp_path / "a", "--no-figures", "--json")
+    assert (status, json.loads(out)["planner"]) == (0, "Talking")
+    assert "imported" in said
+    assert "planning" in said
+    _, out, _ = call(*options, "--out", tmp_path / "b", "--no-figures")
+    assert "planning" in out  # for people it is where they look
+
+
 def test_summary_is_a_table_for_people_and_json_for_scripts(call, small_specification, tmp_path):
     options = ("run", "light", "--duration", 1, "--planner", "idle", "--filter", "none", "--table", small_specification)
     status, out, _ = call(*options, "--out", tmp_path / "a")
