@@ -7,8 +7,12 @@ that never comes back: what an answer took is looked at when it is there.
 import inspect
 import sys
 import traceback
+from dataclasses import fields
 from numbers import Real
 from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from hj_cosim.errors import PluginError
 
@@ -60,6 +64,43 @@ def require_quick(plugin: object, method: str, seconds: float) -> None:
             f"{_place_of_method(plugin, method)}: {type(plugin).__name__}.{method} took {seconds:.1f} s;"
             f" {SLOWEST_ANSWER:g} s is the most, and what has to be compiled first can be so in a method `prepare`"
         )
+
+
+class _Handed(NamedTuple):
+    """An array that a plug-in is handed."""
+
+    name: str  # for example Observation.x
+    array: np.ndarray
+    before: bytes  # what it held
+
+
+def arrays_handed(plugin: object, *handed: Any) -> list[_Handed]:
+    """Return the arrays that a plug-in is about to be handed, and what they hold; none if the plug-in is ours.
+
+    Others go on with the same arrays. Such that cannot be written would have Numba compile everything once more.
+
+    Args:
+        plugin: who is asked.
+        handed: dataclasses.
+    """
+    if class_of(plugin).__module__.startswith("hj_cosim."):
+        return []
+    columns = (
+        (f"{type(each).__name__}.{field.name}", getattr(each, field.name)) for each in handed for field in fields(each)
+    )
+    return [_Handed(name, column, column.tobytes()) for name, column in columns if isinstance(column, np.ndarray)]
+
+
+def require_unchanged(plugin: object, method: str, handed: list[_Handed]) -> None:
+    """Check that a plug-in has not written into what it was handed.
+
+    Raises:
+        PluginError: if it has.
+    """
+    for name, array, before in handed:
+        if array.tobytes() != before:
+            place = f"{_place_of_method(plugin, method)}: {class_of(plugin).__name__}.{method}"
+            raise PluginError(f"{place} wrote to {name}, with which the drive goes on; let it write to a copy")
 
 
 def shown_answer(answer: object) -> str:

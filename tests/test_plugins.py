@@ -15,7 +15,8 @@ from hj_cosim.planning.guard import GuardedPlanner
 from hj_cosim.planning.idle import IdlePlanner
 from hj_cosim.plugin_answers import named, shown_answer
 from hj_cosim.plugins import FILTER, PLANNER, construct, find_plugin, given, options_of, whole_reference
-from hj_cosim.scene.road import StraightRoad
+from hj_cosim.scene.observation import Target
+from hj_cosim.traffic.fake import FakeWorld
 
 KEEP = """
 from hj_cosim.planning.contract import Plan
@@ -184,8 +185,9 @@ def test_a_method_that_takes_other_arguments_is_placed_in_its_file():
             raise AssertionError("not to be called")
 
     line = Narrow.plan.__code__.co_firstlineno
+    world = FakeWorld()
     with pytest.raises(PluginError, match=rf"^\S*test_plugins.py:{line}: Narrow.plan raised TypeError: .*takes 1 pos"):
-        GuardedPlanner(Narrow(), StraightRoad(4)).plan(None, None)
+        GuardedPlanner(Narrow(), world.road).plan(world.observe(), Target(0, 20.0))
 
 
 def test_a_class_or_an_object_that_was_given_is_found_under_its_reference():

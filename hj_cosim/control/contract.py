@@ -18,7 +18,8 @@ Its constructor is handed what it asks for by the names of its parameters, any o
 The loop guards every filter (control/guard.py): it is asked only where the observation and V are numbers, the desired
 control that it is handed is finite and within the robot's limits, and what it answers is brought within them. A control
 that is not finite says that the filter cannot judge: the robot brakes in its lane, and summary.json counts it
-(`not_judged_samples`). An answer that takes ten seconds ends the episode, and so does a filter that raises.
+(`not_judged_samples`). An answer that takes ten seconds ends the episode, and so does a filter that raises,
+or writes into the arrays that it is handed.
 
 It may have a method `prepare(observation, values)`, called once before the drive: what takes long, such as compiling,
 belongs there, and must not change what it answers. `hj_cosim.testing.check_filter` tests a filter.

@@ -17,9 +17,11 @@ from hj_cosim.control.contract import FilterDecision, PreparedFilter, SafetyFilt
 from hj_cosim.errors import HjCosimError
 from hj_cosim.plugin_answers import (
     STRANGERS_ERRORS,
+    arrays_handed,
     failure,
     is_number,
     require_quick,
+    require_unchanged,
     shown_answer,
     wrong_answer,
 )
@@ -72,12 +74,14 @@ class GuardedFilter:
             observation, values, desired: finite or not.
 
         Raises:
-            PluginError: if the filter fails, takes too long, or returns what is no decision.
+            PluginError: if the filter fails, takes too long, writes into what it is handed, or returns what is no
+                decision.
             HjCosimError: as the filter raises it.
         """
         if not values.is_known:
             return self._not_judged(observation)
         wanted = self._wanted(observation, desired)
+        handed = arrays_handed(self._filter, observation, values)
         started = time.perf_counter()
         try:
             decision = self._filter.filter(observation, values, wanted)
@@ -86,6 +90,7 @@ class GuardedFilter:
         except STRANGERS_ERRORS as error:
             raise failure(self._filter, "filter", error) from error
         require_quick(self._filter, "filter", time.perf_counter() - started)
+        require_unchanged(self._filter, "filter", handed)
         if what := _wrong(decision, len(observation.vehicle)):
             raise wrong_answer(self._filter, "filter", what)
         omega, acceleration = float(decision.control.omega), float(decision.control.acceleration)

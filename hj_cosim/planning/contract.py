@@ -16,7 +16,8 @@ Its constructor is handed what it asks for by the names of its parameters, any o
 It may have a method `prepare(observation)`, called once before the drive: what takes long, such as compiling, belongs
 there, and must not change what it answers. An attribute `plan_period` of its class, s, is how often it is asked where
 no setting says: once a second without it. An answer of `plan` that takes ten seconds ends the episode, and so does
-one that raises, or whose target no robot can have. `hj_cosim.testing.check_planner` tests a planner.
+one that raises, writes into the observation's arrays, or whose target no robot can have.
+`hj_cosim.testing.check_planner` tests a planner.
 """
 
 from dataclasses import dataclass

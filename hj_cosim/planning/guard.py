@@ -8,9 +8,11 @@ from hj_cosim.errors import HjCosimError
 from hj_cosim.planning.contract import ACTION_COUNT, Plan, Planner, PreparedPlanner
 from hj_cosim.plugin_answers import (
     STRANGERS_ERRORS,
+    arrays_handed,
     failure,
     is_number,
     require_quick,
+    require_unchanged,
     shown_answer,
     wrong_answer,
 )
@@ -50,9 +52,11 @@ class GuardedPlanner:
         """Return the planner's plan; see Planner.
 
         Raises:
-            PluginError: if it fails, takes too long, or returns what is no plan for this road.
+            PluginError: if it fails, takes too long, writes into what it is handed, or returns what is no plan for this
+                road.
             HjCosimError: as the planner raises it.
         """
+        handed = arrays_handed(self._planner, observation)
         started = time.perf_counter()
         try:
             plan = self._planner.plan(observation, previous)
@@ -61,6 +65,7 @@ class GuardedPlanner:
         except STRANGERS_ERRORS as error:
             raise failure(self._planner, "plan", error) from error
         require_quick(self._planner, "plan", time.perf_counter() - started)
+        require_unchanged(self._planner, "plan", handed)
         if what := self._wrong(plan):
             raise wrong_answer(self._planner, "plan", what)
         # A float32, as of a neural network, would have the tracker's and the filter's kernels compiled once more.

@@ -169,9 +169,35 @@ def test_a_plan_that_is_none_ends_the_drive_in_a_sentence(small_table, said):
     assert "\n" not in str(raised.value)
 
 
+def written(arrays, answer):
+    """Write into the first entry of each array, and return an answer."""
+    for array in arrays:
+        array[0] += 1.0
+    return answer
+
+
+@pytest.mark.parametrize("name", ["x", "robot"])
+def test_a_planner_that_writes_into_what_it_sees_ends_the_drive_in_a_sentence(small_table, name):
+    writing = Planning(lambda seen, previous: written([getattr(seen, name)], Plan(0, previous)))
+    with pytest.raises(PluginError, match=r"^.*test_plugged_drive.py:\d+: Planning.plan wrote to Observation."):
+        driven(writing, "none", small_table)
+
+
+@pytest.mark.parametrize("writes", [lambda seen, values: seen.speed, lambda seen, values: values.value])
+def test_a_filter_that_writes_into_what_it_sees_ends_the_drive_in_a_sentence(small_table, writes):
+    writing = Filtering(lambda seen, values, desired: written([writes(seen, values)], FilterDecision(desired)))
+    with pytest.raises(
+        PluginError,
+        match=r"^.*test_plugged_drive.py:\d+: Filtering.filter wrote to (Observation.speed|CarValues.value)",
+    ):
+        driven("idle", writing, small_table)
+
+
 def test_numbers_of_numpy_in_a_plan_become_pythons_and_compile_nothing_anew(small_table):
     answer = Plan(np.int64(1), Target(np.int32(2), np.float32(20.5)))
-    planned = GuardedPlanner(Planning(lambda seen, previous: answer), FakeWorld().road).plan(None, Target(0, 0.0))
+    world = FakeWorld()
+    guarded = GuardedPlanner(Planning(lambda seen, previous: answer), world.road)
+    planned = guarded.plan(world.observe(), Target(0, 0.0))
     assert planned == Plan(1, Target(2, 20.5))
     assert [type(each) for each in (planned.action, planned.target.lane, planned.target.speed)] == [int, int, float]
 

@@ -67,6 +67,11 @@ class Arrays:
         return CarInput(np.array([0.01]), np.array([1.0]))
 
 
+class Writing:
+    def act(self, view):
+        view.observation.x[view.own] += 1.0
+
+
 class Nonsense:
     """Answers what no car can do."""
 
@@ -150,7 +155,11 @@ def test_a_rogue_begins_near_the_robot_and_not_too_early(drive, rogue, settings)
 
 
 def test_what_is_no_input_is_refused_with_the_behaviours_place(rogue):
-    said_of = {Broken: "ValueError: no idea", Leaving: "SystemExit: 3"}
+    said_of = {
+        Broken: "ValueError: no idea",
+        Leaving: "SystemExit: 3",
+        Writing: "act wrote to Observation.x",
+    }
     for behaviour, said in {**said_of, **dict.fromkeys((Nonsense, Texts, Arrays), "a CarInput of finite")}.items():
         with scene([rogue(behaviour, 2, 10.0)]) as world, pytest.raises(PluginError, match=said) as refused:
             world.step(world.observe().robot, 0.0)
