@@ -16,7 +16,7 @@ PACKAGE = Path(hj_cosim.__file__).resolve().parent
 # room has to be given its place here.
 FLOORS = (
     ("errors", "kernels"),
-    ("settings", "files", "locations"),
+    ("settings", "files", "locations", "plugin_answers"),
     ("vehicles", "plugins"),
     ("scene",),
     ("recording",),
