@@ -270,11 +270,11 @@ def test_what_cannot_be_drawn_is_named(run, tmp_path, table):
     assert set(FIGURES) >= {"schematic", "boxed-in", "highway", "value-slice", "trade-off", "planner-comparison"}
 
 
-def test_a_picture_takes_the_place_of_nothing_that_a_study_found(tmp_path):
+def test_a_picture_takes_the_place_of_nothing_that_a_study_found(run, tmp_path):
     (tmp_path / "study.toml").write_text("")
     (tmp_path / "table.csv").write_text("found")
     for name in ("table.csv", "table"):  # without a suffix its columns are saved under it, too
         with pytest.raises(HjCosimError, match="belongs to the study in"):
-            save_drawing(draw_figure("schematic"), tmp_path / name)
+            save_drawing(timeline(run), tmp_path / name)
     assert {each.name for each in tmp_path.iterdir()} == {"study.toml", "table.csv"}
     assert (tmp_path / "table.csv").read_text() == "found"
