@@ -198,6 +198,7 @@ COMMANDS = {
     ("figure", "attack", "--study", "BEGUN"): "not finished, table.csv is missing; hj-cosim study --resume --out BEGUN",
     ("figure", "schematic", "--out", "BEGUN/differences.csv"): "belongs to the study in",
     ("figure", "schematic", "--out", "BEGUN/differences"): "belongs to the study in",
+    ("table", "show", "highway", "--out", "BEGUN/table.csv"): "belongs to the study in",
     ("export", "STRANGE", "--out", "BEGUN/table.csv"): "belongs to the study in",
     ("report", "STRANGE", "--out", "FILE"): "FILE: a report ends in .html or .htm",
     ("figure", "schematic", "--width", "90"): "85 or 178 mm wide, one column or two; 90 is neither",

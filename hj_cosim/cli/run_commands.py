@@ -149,10 +149,11 @@ def figure(
         show_rows("figures", rows, as_json)
         return
     from hj_cosim.analysis.figures.gallery import draw_figure
-    from hj_cosim.analysis.figures.style import PRINT_DPI, save_drawing
+    from hj_cosim.analysis.figures.style import PRINT_DPI, places_of, save_drawing
 
     folder = run or study
     target = out or (folder / "figures" if folder else runs_folder() / "figures") / name
+    places_of(target)  # before a table is solved for it
     show_files(save_drawing(draw_figure(name, run=run, study=study, width=width), target, PRINT_DPI), as_json)
 
 

@@ -64,18 +64,20 @@ def table_show(
     as_json: Json = False,
 ) -> None:
     """Print how a table was solved, and draw a slice of it, of the highway game the paper's."""
-    from hj_cosim.analysis.figures.style import save_drawing
+    from hj_cosim.analysis.figures.style import places_of, save_drawing
     from hj_cosim.analysis.figures.value_slice import value_slice
     from hj_cosim.reachability.table.slices import parse_held
     from hj_cosim.reachability.table.store import find_specification, load_table, table_path
 
     path = find_specification(specification)
     held = parse_held(hold or ())
+    target = out or runs_folder() / "figures" / f"{path.stem}-slices"
+    places_of(target)  # before it is solved
     with progress_bars() as bars:
         table = load_table(specification, bar(bars, f"solving table {path.stem}"))
     drawing = value_slice(table, held, over=[name.strip() for name in over.split(",")] if over else ())
     _show_report(table, table_path(path), as_json)
-    written = save_drawing(drawing, out or runs_folder() / "figures" / f"{path.stem}-slices")
+    written = save_drawing(drawing, target)
     if not as_json:
         show_files(written, as_json)
 

@@ -198,6 +198,18 @@ def value_norm(limit: float) -> TwoSlopeNorm:
     return TwoSlopeNorm(vcenter=0.0, vmin=-limit, vmax=limit)
 
 
+def places_of(path: Path) -> list[Path]:
+    """Return the files that `save_drawing` writes, for whoever wants to know before there is a drawing.
+
+    Raises:
+        RunFolderError: if one of them is a run's or a study's own.
+    """
+    paths = [path] if path.suffix else [path.with_name(path.name + suffix) for suffix in (".png", ".pdf", ".csv")]
+    for target in paths:
+        require_not_ours(target)
+    return paths
+
+
 def save_drawing(drawing: Drawing, path: Path, dpi: int | None = None) -> list[Path]:
     """Save a picture; without a suffix in `path` as raster, vector and table (.png, .pdf, .csv).
 
@@ -212,9 +224,7 @@ def save_drawing(drawing: Drawing, path: Path, dpi: int | None = None) -> list[P
     Raises:
         HjCosimError: if a file cannot be written, its suffix is another, or it is one of a run's or a study's own.
     """
-    paths = [path] if path.suffix else [path.with_name(path.name + suffix) for suffix in (".png", ".pdf", ".csv")]
-    for target in paths:
-        require_not_ours(target)
+    paths = places_of(path)
     with house_style():
         # Laid out once: every rendering would move things a little further, and cost as much again. None, and not
         # "none", for which Matplotlib draws everything twice.
