@@ -6,7 +6,9 @@ that never comes back: what an answer took is looked at when it is there.
 
 import inspect
 import sys
+import time
 import traceback
+from collections.abc import Iterable
 from dataclasses import fields
 from numbers import Real
 from pathlib import Path
@@ -14,13 +16,49 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hj_cosim.errors import PluginError
+from hj_cosim.errors import HjCosimError, PluginError
 
 # s; an answer that took longer ends the episode. What has to be compiled can be so in `prepare`, which may take longer.
 SLOWEST_ANSWER = 10.0
 # What a stranger's code may end with, that a sentence is made of; Ctrl-C is not among it.
 STRANGERS_ERRORS = (Exception, SystemExit)
 _LONGEST_QUOTE = 60  # characters
+
+
+def called(plugin: object, method: str, *arguments: Any, watched: Iterable[Any] | None = None) -> Any:
+    """Return what a plug-in's method returns.
+
+    Args:
+        plugin: an object.
+        method: its name.
+        arguments: what it is handed.
+        watched: dataclasses whose arrays the method must not write to; all arguments unless given.
+
+    Raises:
+        PluginError: if the method raises anything of its own, or writes to what is watched.
+        HjCosimError: as the method raises it.
+    """
+    handed = _arrays_handed(plugin, arguments if watched is None else watched)
+    try:
+        answer = getattr(plugin, method)(*arguments)
+    except HjCosimError:
+        raise
+    except STRANGERS_ERRORS as error:
+        raise failure(plugin, method, error) from error
+    _require_unchanged(plugin, method, handed)
+    return answer
+
+
+def answered_quickly(plugin: object, method: str, *arguments: Any) -> Any:
+    """Do as `called`, where the drive waits for the answer.
+
+    Raises:
+        PluginError: also if it took longer than SLOWEST_ANSWER.
+    """
+    started = time.perf_counter()
+    answer = called(plugin, method, *arguments)
+    _require_quick(plugin, method, time.perf_counter() - started)
+    return answer
 
 
 def failure(plugin: object, method: str, error: BaseException) -> PluginError:
@@ -53,7 +91,7 @@ def is_number(value: object) -> bool:
     return isinstance(value, (float, int, Real))  # Real alone, an abstract class, takes ten times as long
 
 
-def require_quick(plugin: object, method: str, seconds: float) -> None:
+def _require_quick(plugin: object, method: str, seconds: float) -> None:
     """Check that an answer did not take longer than SLOWEST_ANSWER.
 
     Raises:
@@ -74,24 +112,24 @@ class _Handed(NamedTuple):
     before: bytes  # what it held
 
 
-def arrays_handed(plugin: object, *handed: Any) -> list[_Handed]:
-    """Return the arrays that a plug-in is about to be handed, and what they hold; none if the plug-in is ours.
+def _arrays_handed(plugin: object, handed: Iterable[Any]) -> list[_Handed]:
+    """Return the arrays of dataclasses that a plug-in is about to be handed; none if the plug-in is ours.
 
     Others go on with the same arrays. Such that cannot be written would have Numba compile everything once more.
-
-    Args:
-        plugin: who is asked.
-        handed: dataclasses.
     """
     if class_of(plugin).__module__.startswith("hj_cosim."):
         return []
     columns = (
-        (f"{type(each).__name__}.{field.name}", getattr(each, field.name)) for each in handed for field in fields(each)
+        (type(each).__name__, field.name, getattr(each, field.name)) for each in handed for field in fields(each)
     )
-    return [_Handed(name, column, column.tobytes()) for name, column in columns if isinstance(column, np.ndarray)]
+    return [
+        _Handed(f"{owner}.{name}", column, column.tobytes())
+        for owner, name, column in columns
+        if isinstance(column, np.ndarray)
+    ]
 
 
-def require_unchanged(plugin: object, method: str, handed: list[_Handed]) -> None:
+def _require_unchanged(plugin: object, method: str, handed: Iterable[_Handed]) -> None:
     """Check that a plug-in has not written into what it was handed.
 
     Raises:

@@ -6,7 +6,6 @@ control is not finite, that braking is what is filtered instead. Both are counte
 """
 
 import math
-import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,17 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from hj_cosim.control.contract import FilterDecision, PreparedFilter, SafetyFilter
-from hj_cosim.errors import HjCosimError
-from hj_cosim.plugin_answers import (
-    STRANGERS_ERRORS,
-    arrays_handed,
-    failure,
-    is_number,
-    require_quick,
-    require_unchanged,
-    shown_answer,
-    wrong_answer,
-)
+from hj_cosim.plugin_answers import answered_quickly, called, is_number, shown_answer, wrong_answer
 from hj_cosim.scene.observation import CarValues, Control, Observation
 from hj_cosim.settings import RobotSettings
 
@@ -55,17 +44,11 @@ class GuardedFilter:
         """Let the filter do what it has to before the drive.
 
         Raises:
-            PluginError: if it fails.
+            PluginError: if it fails, or writes into what it is handed.
             HjCosimError: as the filter raises it.
         """
-        if not (isinstance(self._filter, PreparedFilter) and values.is_known):
-            return
-        try:
-            self._filter.prepare(observation, values)
-        except HjCosimError:
-            raise
-        except STRANGERS_ERRORS as error:
-            raise failure(self._filter, "prepare", error) from error
+        if isinstance(self._filter, PreparedFilter) and values.is_known:
+            called(self._filter, "prepare", observation, values)
 
     def filter(self, observation: Observation, values: CarValues, desired: Control) -> FilterDecision:
         """Return the filter's decision, or braking in lane; see SafetyFilter, but for what may be asked.
@@ -81,16 +64,7 @@ class GuardedFilter:
         if not values.is_known:
             return self._not_judged(observation)
         wanted = self._wanted(observation, desired)
-        handed = arrays_handed(self._filter, observation, values)
-        started = time.perf_counter()
-        try:
-            decision = self._filter.filter(observation, values, wanted)
-        except HjCosimError:
-            raise
-        except STRANGERS_ERRORS as error:
-            raise failure(self._filter, "filter", error) from error
-        require_quick(self._filter, "filter", time.perf_counter() - started)
-        require_unchanged(self._filter, "filter", handed)
+        decision: FilterDecision = answered_quickly(self._filter, "filter", observation, values, wanted)
         if what := _wrong(decision, len(observation.vehicle)):
             raise wrong_answer(self._filter, "filter", what)
         omega, acceleration = float(decision.control.omega), float(decision.control.acceleration)

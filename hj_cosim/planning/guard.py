@@ -1,21 +1,10 @@
 """Every planner's answer passes here before the robot follows it, whoever wrote the planner."""
 
 import math
-import time
 from dataclasses import replace
 
-from hj_cosim.errors import HjCosimError
 from hj_cosim.planning.contract import ACTION_COUNT, Plan, Planner, PreparedPlanner
-from hj_cosim.plugin_answers import (
-    STRANGERS_ERRORS,
-    arrays_handed,
-    failure,
-    is_number,
-    require_quick,
-    require_unchanged,
-    shown_answer,
-    wrong_answer,
-)
+from hj_cosim.plugin_answers import answered_quickly, called, is_number, shown_answer, wrong_answer
 from hj_cosim.scene.observation import FARTHEST, Observation, Target
 from hj_cosim.scene.road import Road
 
@@ -36,17 +25,11 @@ class GuardedPlanner:
         """Let the planner do what it has to before the drive.
 
         Raises:
-            PluginError: if it fails.
+            PluginError: if it fails, or writes into what it is handed.
             HjCosimError: as the planner raises it.
         """
-        if not isinstance(self._planner, PreparedPlanner):
-            return
-        try:
-            self._planner.prepare(observation)
-        except HjCosimError:
-            raise
-        except STRANGERS_ERRORS as error:
-            raise failure(self._planner, "prepare", error) from error
+        if isinstance(self._planner, PreparedPlanner):
+            called(self._planner, "prepare", observation)
 
     def plan(self, observation: Observation, previous: Target) -> Plan:
         """Return the planner's plan; see Planner.
@@ -56,16 +39,7 @@ class GuardedPlanner:
                 road.
             HjCosimError: as the planner raises it.
         """
-        handed = arrays_handed(self._planner, observation)
-        started = time.perf_counter()
-        try:
-            plan = self._planner.plan(observation, previous)
-        except HjCosimError:
-            raise
-        except STRANGERS_ERRORS as error:
-            raise failure(self._planner, "plan", error) from error
-        require_quick(self._planner, "plan", time.perf_counter() - started)
-        require_unchanged(self._planner, "plan", handed)
+        plan = answered_quickly(self._planner, "plan", observation, previous)
         if what := self._wrong(plan):
             raise wrong_answer(self._planner, "plan", what)
         # A float32, as of a neural network, would have the tracker's and the filter's kernels compiled once more.

@@ -6,16 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hj_cosim.errors import HjCosimError
-from hj_cosim.plugin_answers import (
-    STRANGERS_ERRORS,
-    arrays_handed,
-    failure,
-    is_number,
-    require_unchanged,
-    shown_answer,
-    wrong_answer,
-)
+from hj_cosim.plugin_answers import called, is_number, shown_answer, wrong_answer
 from hj_cosim.plugins import plugin_name
 from hj_cosim.scene.observation import Observation
 from hj_cosim.scene.road import Road
@@ -174,14 +165,7 @@ def _asked(behaviour: Behaviour, view: RogueView) -> CarInput | None:
     Raises:
         PluginError: if it raises something of its own, writes into what it sees, or answers what is no input.
     """
-    handed = arrays_handed(behaviour, view.observation)
-    try:
-        answer = behaviour.act(view)
-    except HjCosimError:
-        raise
-    except STRANGERS_ERRORS as error:
-        raise failure(behaviour, "act", error) from error
-    require_unchanged(behaviour, "act", handed)
+    answer = called(behaviour, "act", view, watched=[view.observation])
     if answer is None:
         return None
     if not isinstance(answer, CarInput) or not all(is_number(wanted) and math.isfinite(wanted) for wanted in answer):
