@@ -75,7 +75,7 @@ def export_run(folder: PathLike[str] | str, format: str | None = None, out: Path
     Raises:
         ConfigurationError: if `folder` or `out` is no path.
         OutputError: if the format is unknown, the file's name contradicts it, or what is to appear beside it would
-            replace a file that no earlier export wrote.
+            replace a file that no earlier export wrote, or the file is there and its name is no export's.
         RunFolderError: if the folder holds no run, or the file belongs to one or to a study.
         HjCosimError: if the file cannot be written.
     """
@@ -91,6 +91,7 @@ def export_files(folder: PathLike[str] | str, format: str | None, out: PathLike[
     written = [target, *_companions(target, kind)]
     for path in written:
         require_not_ours(path)
+    _require_name_of_an_export(target, kind)
     for path in written[1:]:
         _require_exported(path, target, kind)
     if not (folder / TRAJECTORIES).is_file():
@@ -128,6 +129,23 @@ def _companions(file: Path, kind: str) -> tuple[Path, ...]:
         stem = file.name.removesuffix(".gz").removesuffix(".xml").removesuffix(".fcd")
         return (file.with_name(stem + TYPES),)
     return ()
+
+
+def _require_name_of_an_export(target: Path, kind: str) -> None:
+    """Check that an export replaces only files of its own kind, not somebody's plug-in or network, by their names.
+
+    Raises:
+        OutputError: if the file is there, and has another name than exports have.
+    """
+    name = target.with_suffix("") if target.suffix == ".gz" else target
+    is_export = _FORMATS_OF_SUFFIXES.get(name.suffix) == ("csv" if kind == "highd" else kind)
+    if kind == "fcd":
+        is_export = is_export and name.with_suffix("").suffix in ("", ".fcd")  # .net.xml and the like are SUMO's
+    if target.is_file() and not is_export:
+        raise OutputError(
+            f"cannot write {target}: it is there already, and its name is not one that exports have; choose another with"
+            " --out"
+        )
 
 
 def _require_exported(companion: Path, target: Path, kind: str) -> None:

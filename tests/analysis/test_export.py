@@ -110,6 +110,28 @@ def test_name_that_promises_what_is_not_written_is_refused(run, tmp_path, format
     assert not (tmp_path / name).exists()
 
 
+@pytest.mark.parametrize(
+    ("format", "name"),
+    [
+        *(("csv", "mine.py"), ("parquet", "scenario.toml"), ("csv", "notes"), ("fcd", "a.sumocfg")),
+        *(("fcd", "a.net.xml"), ("fcd", "a.rou.xml.gz"), ("csv", "mine.txt.gz")),
+    ],
+)
+def test_export_takes_the_place_of_no_file_whose_name_is_not_an_exports(run, tmp_path, format, name):
+    mine = tmp_path / name
+    mine.write_text("mine")
+    with pytest.raises(OutputError, match="is there already, and its name is not one that exports have"):
+        export_run(run, format, mine)
+    assert mine.read_text() == "mine"
+    mine.unlink()
+    assert export_run(run, format, mine) == mine  # a new file may have any name
+
+
+def test_export_takes_the_place_of_an_earlier_one(run, tmp_path):
+    for format, name in (("csv", "a.v2.csv.gz"), ("parquet", "a.parquet"), ("fcd", "a.fcd.xml"), ("fcd", "a.xml")):
+        assert export_run(run, format, tmp_path / name) == export_run(run, format, tmp_path / name)
+
+
 def test_export_never_takes_the_place_of_what_a_run_recorded(run, tmp_path, monkeypatch):
     before = {path: path.read_bytes() for path in run.iterdir() if path.is_file()}
     (tmp_path / "link").symlink_to(run)
