@@ -143,8 +143,8 @@ def _require_name_of_an_export(target: Path, kind: str) -> None:
         is_export = is_export and name.with_suffix("").suffix in ("", ".fcd")  # .net.xml and the like are SUMO's
     if target.is_file() and not is_export:
         raise OutputError(
-            f"cannot write {target}: it is there already, and its name is not one that exports have; choose another with"
-            " --out"
+            f"cannot write {target}: it is there already, and its name is not one that exports have; choose another"
+            " with --out"
         )
 
 
