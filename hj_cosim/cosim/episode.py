@@ -270,7 +270,8 @@ def run_in_sumo(
         drivers = world.predicted if isinstance(world, OwnWorld) else config.scenario.drivers
         planner = make_planner(config.planner, config.robot, drivers, world.road, table)
         safety_filter = make_filter(config.filter, config.robot, world.road, table, config.simulation.step, drivers)
-        audit = PromiseAudit(table.stack, promises=type(safety_filter) is SafetyPreservingFilter)
+        promises = type(safety_filter) is SafetyPreservingFilter
+        audit = PromiseAudit(table.stack, epsilon=config.filter.epsilon, promises=promises)
         foresight = ForesightAudit(config.planner, config.robot, drivers, world.road, table)
         driven = drive(world, planner, safety_filter, table, config, audit, progress, foresight, beside, watch)
     wall_seconds = time.perf_counter() - started

@@ -1,9 +1,11 @@
 """Collisions by kind, and whether the robot was responsible for them by RSS."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numba import njit
 
 from hj_cosim.metrics.rectangles import rectangles_overlap
 from hj_cosim.recording.record import RunRecord
@@ -51,17 +53,18 @@ class _Pair:
 
 
 def collision_metrics(record: RunRecord, rss: RssParameters) -> dict[str, int]:
-    """Return how many collisions of each kind there were, by their names in `metrics.catalogue`."""
+    """Return how many collisions there were, in all and of each kind, by their names in `metrics.catalogue`."""
     collisions = find_collisions(record, rss)
     kinds = {kind: sum(each.kind == kind for each in collisions) for kind in ("into_other", "into_robot", "side")}
     return {
+        "collisions": len(collisions),
         **{f"collisions_{kind}": count for kind, count in kinds.items()},
         "collisions_responsible": sum(each.robot_is_responsible for each in collisions),
     }
 
 
 def find_collisions(record: RunRecord, rss: RssParameters) -> list[Collision]:
-    """Return the collisions of a run, one for each stretch of samples in which the robot's body overlaps another's.
+    """Return the collisions of a run, one for each car and stretch of samples in which its body overlaps the robot's.
 
     Lengthwise collisions are those in which the bodies were apart lengthwise last; which car was behind tells the
     kind. Who is responsible is RSS's question (Shalev-Shwartz et al. 2017): whoever let the distance that was lost
@@ -71,11 +74,8 @@ def find_collisions(record: RunRecord, rss: RssParameters) -> list[Collision]:
         record: the run.
         rss: whose distances count.
     """
-    overlap = record.threats.collision
-    onsets = np.flatnonzero(overlap & ~np.concatenate([[False], overlap[:-1]]))
     found = []
-    for sample in onsets.tolist():
-        car = _overlapping_car(record, sample)
+    for sample, car in _onsets(record):
         pair = _pair(record, car, sample)
         sideways = _met_sideways(pair)
         robot_is_behind = bool(pair.dx[-1] >= 0.0)
@@ -84,25 +84,54 @@ def find_collisions(record: RunRecord, rss: RssParameters) -> list[Collision]:
     return found
 
 
-def _overlapping_car(record: RunRecord, sample: int) -> int:
-    """Return the first car whose body overlaps the robot's at a sample at which one does."""
+def _onsets(record: RunRecord) -> Iterator[tuple[int, int]]:
+    """Yield the sample and the number of each car that begins to overlap the robot, in the order of time.
+
+    Each car has its own beginnings: a second one may be hit while the first still is.
+    """
+    if not record.threats.collision.any():
+        return
     robot = record.robot
-    x, y, heading = (float(track[sample]) for track in (robot.x, robot.y, robot.heading))
-    body = (record.robot_length, record.robot_width)
-    _, cars, there = record.traffic.at(sample)
-    return next(
-        int(cars[car])
-        for car in range(len(cars))
-        if rectangles_overlap(
-            there.x[0, car] - x,
-            there.y[0, car] - y,
-            heading,
-            *body,
-            there.heading[0, car],
-            there.length[car],
-            there.width[car],
-        )
-    )
+    states = np.column_stack([robot.x, robot.y, robot.heading])
+    touching: frozenset[int] = frozenset()
+    last = -1
+    for piece in record.traffic.pieces():
+        start = piece.samples.start
+        rows = np.flatnonzero(record.threats.collision[piece.samples])  # few; nobody overlaps in the others
+        cars = piece.traffic
+        tracks = (cars.present[rows], cars.x[rows], cars.y[rows], cars.heading[rows])
+        body = (record.robot_length, record.robot_width)
+        overlap = _overlaps(states[start + rows], *body, *tracks, cars.length, cars.width)
+        for sample, row in zip((start + rows).tolist(), overlap, strict=True):
+            before = touching if sample == last + 1 else frozenset()
+            touching, last = frozenset(piece.cars[row].tolist()), sample
+            yield from ((sample, car) for car in sorted(touching - before))
+
+
+# Nine parameters: plain arrays, as they are.
+@njit(cache=True)
+def _overlaps(
+    robot: np.ndarray,
+    robot_length: float,
+    robot_width: float,
+    present: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    heading: np.ndarray,
+    length: np.ndarray,
+    width: np.ndarray,
+) -> np.ndarray:
+    """Return (T, J), whether a car's body overlaps the robot's; robot (T, 3) p_x, p_y (m), θ (rad), cars (T, J)."""
+    samples, cars = x.shape
+    overlap = np.zeros((samples, cars), np.bool_)
+    for t in range(samples):
+        angle = robot[t, 2]
+        for j in range(cars):
+            dx, dy = x[t, j] - robot[t, 0], y[t, j] - robot[t, 1]
+            overlap[t, j] = present[t, j] and rectangles_overlap(
+                dx, dy, angle, robot_length, robot_width, heading[t, j], length[j], width[j]
+            )
+    return overlap
 
 
 def _pair(record: RunRecord, car: int, last: int) -> _Pair:

@@ -156,7 +156,7 @@ DRIVING_METRICS = (
         format=".0f",
         better="lower",
         pooling=SUM_OVER_EPISODES,
-        explanation="how often a car whose leader is the robot began to brake at 4.5 m/s² or harder",
+        explanation="how often a car braked at 4.5 m/s² or harder with the robot as its leader, each braking once",
         shown="run",
     ),
     Metric(

@@ -132,7 +132,7 @@ PAPER_METRICS = (
         format=".0f",
         better="lower",
         pooling=SUM_OVER_EPISODES,
-        explanation="how often the robot's body began to overlap another's, as oriented rectangles",
+        explanation="how often the robot's body began to overlap a car's, as oriented rectangles, counted for each car",
         shown="run",
     ),
     Metric(

@@ -30,16 +30,16 @@ def driving_metrics(record: RunRecord, settings: FilterSettings) -> dict[str, fl
     parameters = np.array(list(settings.rss.model_dump().values()))
     gap, drac = np.empty(len(states)), np.empty(len(states))
     violated = np.empty(len(states), np.bool_)
-    imposed, braking = 0, np.zeros(len(traffic.names), np.bool_)
+    imposed, counted = 0, np.zeros(len(traffic.names), np.bool_)
     for samples, cars, track in traffic.pieces():
         own, sizes = states[samples], (track.length, track.width)
         where = (track.present, track.x, track.y)
         gap[samples], drac[samples] = _following(own, body, *where, track.speed, *sizes)
         violated[samples] = _rss_violations(own, body, *where, track.heading, track.speed, *sizes, parameters)
-        braking_here = braking[cars]
-        imposed += _hard_brakes_behind(own, body, *where, track.acceleration, *sizes, braking_here)
-        braking[:] = False  # who is not there does not brake
-        braking[cars] = braking_here
+        counted_here = counted[cars]
+        imposed += _hard_brakes_behind(own, body, *where, track.acceleration, *sizes, counted_here)
+        counted[:] = False  # who is not there does not brake
+        counted[cars] = counted_here
     headway = np.where(robot.speed > SLOWEST_HEADWAY, gap / np.maximum(robot.speed, SLOWEST_HEADWAY), math.inf)
     return {
         "ttc_2d_ge_3": float(np.mean(record.threats.ttc_2d >= SAFE_TTC)),
@@ -159,26 +159,28 @@ def _hard_brakes_behind(
     acceleration: np.ndarray,
     length: np.ndarray,
     width: np.ndarray,
-    braking_before: np.ndarray,
+    counted: np.ndarray,
 ) -> int:
-    """Return how many times a car whose leader is the robot began to brake harder than HARD_BRAKE.
+    """Return how many times a car braked harder than HARD_BRAKE with the robot as its leader, at least for a sample.
 
-    Which of them did so at the sample before, `braking_before` (J,), is changed to which did at the last one.
+    One braking counts once, however often the robot leaves and enters the car's way meanwhile. Which cars were at it
+    at the sample before, and have been counted, `counted` (J,), is changed to which are at the last one.
     """
     samples, cars = x.shape
     count = 0
     for t in range(samples):
         for j in range(cars):
-            brakes = (
-                present[t, j]
-                and acceleration[t, j] <= HARD_BRAKE
-                and x[t, j] < robot[t, 0]
+            if not present[t, j] or acceleration[t, j] > HARD_BRAKE:
+                counted[j] = False
+                continue
+            behind_robot = (
+                x[t, j] < robot[t, 0]
                 and abs(y[t, j] - robot[t, 1]) < 0.5 * (body[1] + width[j])
                 and _nobody_between(j, x[t], y[t], width, present[t], robot[t, 0])
             )
-            if brakes and not braking_before[j]:
+            if behind_robot and not counted[j]:
                 count += 1
-            braking_before[j] = brakes
+                counted[j] = True
     return count
 
 

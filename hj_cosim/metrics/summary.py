@@ -50,7 +50,6 @@ def summarize(record: RunRecord, config: EpisodeConfig, counted: Mapping[str, An
         "mean_abs_acceleration": float(np.mean(np.abs(robot.acceleration))),
         "intervention_percent": 100.0 * float(np.mean(robot.intervening)),
         "constrained_percent": 100.0 * float(np.mean(robot.constraints > 0)),
-        "collisions": count_onsets(threats.collision),
         "min_gap": float(np.min(threats.min_gap)),
         "distance": float(np.sum(np.hypot(np.diff(robot.x), np.diff(robot.y)))),
         "lane_changes": count_lane_changes(robot.x, robot.y, record.road),
@@ -83,11 +82,6 @@ def _percentiles(record: RunRecord) -> dict[str, float]:
             samples = getattr(record.threats, pooling.column)
             found[metric.name] = float(np.percentile(samples, pooling.percent, method=pooling.method))
     return found
-
-
-def count_onsets(flag: np.ndarray) -> int:
-    """Return how many separate stretches of samples of a boolean (T,) there are."""
-    return int(flag[0]) + int(np.count_nonzero(flag[1:] & ~flag[:-1]))
 
 
 def count_lane_changes(along: np.ndarray, lateral: np.ndarray, road: Road) -> int:

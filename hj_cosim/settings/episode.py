@@ -135,7 +135,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     "best": {
         "robot": {"lateral_acceleration_max": 4.0},
         "tracking": {"lateral_acceleration_max": 2.4, "jerk_max": 8.0, "heading_max": 0.25},
-        "planner": {"polite_braking": 3.0},
+        "planner": {"polite_braking": 3.0, "heading_max": 0.25},
         "filter": {
             "epsilon": 0.5,
             "approach": 4.0,

@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
-from hj_cosim.settings.base import Metres, MetresPerSecond, MetresPerSecondSquared, Number, Seconds, Settings
+from hj_cosim.settings.base import Metres, MetresPerSecond, MetresPerSecondSquared, Number, Radians, Seconds, Settings
 
 # What one action of the planner's tree is predicted in, at most.
 MOST_PREDICTION_STEPS = 1000
@@ -36,6 +36,9 @@ class PlannerSettings(Settings):
     sensing_range: Metres = Field(120.0, gt=0, description="cars within it enter the tree")
     prediction_step: Seconds = Field(0.25, gt=0, description="about the step of the predicted car following")
     lane_change_time: Seconds = Field(2.0, gt=0, description="in which the tracked robot gets one lane across")
+    heading_max: Radians = Field(
+        0.4, gt=0, lt=1.57, description="towards a lane, at most; a slow robot takes longer across, as it is tracked"
+    )
     others_lane_change_time: Seconds = Field(3.0, gt=0, description="in which the other cars do")
     speed_response: Seconds = Field(0.6, gt=0, description="time constant of the tracked speed, 1/K_2")
     polite_braking: MetresPerSecondSquared = Field(

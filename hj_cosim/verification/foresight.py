@@ -37,18 +37,21 @@ class ForesightAudit:
         once = settings.model_copy(update={"action_time": EVERY, "expansions": len(AHEAD)})
         self._model = OptimisticPlanner(once, robot, drivers, road, table)
         self._road = road
-        self._made: list[PredictedTrajectory] = []  # the latest, the last one first
+        self._made: list[tuple[float, PredictedTrajectory]] = []  # when (s), and what; those not yet past
         self._wrong: dict[int, list[np.ndarray]] = {ahead: [] for ahead in AHEAD}
         self._lane_known: list[np.ndarray] = []
 
     def judge(self, observation: Observation, target: Target) -> None:
-        """Look the earlier predictions' cars up, and predict anew; called once in EVERY seconds.
+        """Look the earlier predictions' cars up, and predict anew; called once in EVERY seconds, or left out.
 
         Args:
             observation: finite.
             target: what the robot has planned.
         """
-        for ahead, path in enumerate(self._made, start=1):
+        now = observation.time
+        self._made = [(made, path) for made, path in self._made if round((now - made) / EVERY) <= AHEAD[-1]]
+        for made, path in self._made:
+            ahead = round((now - made) / EVERY)
             _, here, there = np.intersect1d(path.vehicle, observation.vehicle, return_indices=True)
             off = path.x[ahead, here] - observation.x[there]
             if self._road.lap:
@@ -58,7 +61,7 @@ class ForesightAudit:
                 lane = self._road.nearest_lanes(path.y[ahead, here], path.x[ahead, here])
                 self._lane_known.append(lane == observation.lane[there])
         latest = self._model.foresee(observation, target, [IDLE] * len(AHEAD))
-        self._made = [latest, *self._made][: len(AHEAD)]
+        self._made.append((now, latest))
 
     def summary(self) -> dict[str, Any]:
         """Return what goes into summary.json; NaN where there was nobody to predict."""

@@ -271,7 +271,8 @@ def _simulate_and_judge(
     for i in np.nonzero(inside.any(axis=(1, 2)))[0]:
         car = int(np.argmax(inside[i, np.argmax(inside[i].any(axis=1))]))  # the first to be in the target set
         causes.append(_cause(values[i, :, car], target[i, :, car], slack[i], game) if escapes[i] else 0)
-    in_k = np.isfinite(slack)
+    # Rows are asked for above ε already, where V may fall; K are the cars at ε and below.
+    in_k = np.isfinite(slack) & (values[:, :-1] <= game.epsilon).any(axis=2)
     return _Judged(
         fall=np.maximum(game.epsilon - values.min(axis=(1, 2)), 0.0),
         collided=_collided(states, game),

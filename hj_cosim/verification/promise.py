@@ -44,14 +44,23 @@ def realised_value_rates(
 
 
 def promise_kept(
-    tables: TableStack, decision: RowsDecision, before: Observation, after: Observation, tolerance: float
+    tables: TableStack,
+    decision: RowsDecision,
+    before: Observation,
+    after: Observation,
+    *,
+    epsilon: float,
+    tolerance: float,
 ) -> bool | None:
     """Return whether no V in K fell faster than `tolerance` over the step that a decision was applied for.
+
+    Cars with V above ε may have rows, too: they hold how fast V approaches ε, and it may fall.
 
     Args:
         tables: V.
         decision: SPC's, for the observation `before`.
         before, after: the instants at which the control was chosen and at which it had been applied.
+        epsilon: ε, m: K are the cars with V at most this.
         tolerance: m/s, for the gradient that changes within a step and from cell to cell of the table.
 
     Returns:
@@ -59,7 +68,8 @@ def promise_kept(
     """
     if not decision.constrained or not decision.meetable:
         return None
-    rates = realised_value_rates(tables, before, after, decision.rows.vehicle)
+    in_k = decision.rows.vehicle[decision.rows.value <= epsilon]
+    rates = realised_value_rates(tables, before, after, in_k)
     rates = rates[~np.isnan(rates)]
     if len(rates) == 0:
         return None

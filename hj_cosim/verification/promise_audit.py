@@ -17,12 +17,14 @@ class PromiseAudit:
 
     Args:
         tables: V.
+        epsilon: ε, m: K are the cars with V at most this.
         promises: whether the filter promises anything about V at all: SPC does, RSS and none do not.
         tolerance: m/s.
     """
 
-    def __init__(self, tables: TableStack, *, promises: bool, tolerance: float = TOLERANCE) -> None:
+    def __init__(self, tables: TableStack, *, epsilon: float, promises: bool, tolerance: float = TOLERANCE) -> None:
         self._tables = tables
+        self._epsilon = epsilon
         self._promises = promises
         self._tolerance = tolerance
         self._promised = 0
@@ -37,7 +39,8 @@ class PromiseAudit:
         """
         if not self._promises or not isinstance(decision, RowsDecision):  # it braked, for want of a judgement
             return
-        kept = promise_kept(self._tables, decision, before, after, self._tolerance)
+        limits = {"epsilon": self._epsilon, "tolerance": self._tolerance}
+        kept = promise_kept(self._tables, decision, before, after, **limits)
         if kept is not None:
             self._promised += 1
             self._kept += kept

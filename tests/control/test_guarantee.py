@@ -139,3 +139,11 @@ def test_on_a_gentle_bend_v_falls_hardly_further(safe_table):
 def test_an_epsilon_that_no_state_has_is_an_error(safe_table):
     with pytest.raises(ConfigurationError, match="no state of the table"):
         report(safe_table, FilterSettings(epsilon=1e5), rollouts=2)
+
+
+def test_rows_that_cannot_be_met_count_where_cars_are_in_k_not_where_v_is_still_above_epsilon(table):
+    """Everything begins above ε: in the first step nobody is in K, though rows hold how fast V approaches ε."""
+    approaching = FilterSettings(approach=0.5)
+    first, second = (report(table, approaching, duration=steps * FEW.step, desire="collide") for steps in (1, 25))
+    assert first.unmet_percent == 0.0
+    assert second.unmet_percent > 20.0

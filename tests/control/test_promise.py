@@ -10,6 +10,7 @@ from hj_cosim.settings import FilterSettings, RobotSettings
 from hj_cosim.verification.promise import promise_kept, realised_value_rates
 
 ROBOT = RobotSettings()
+EPSILON = FilterSettings().epsilon
 
 
 def test_rates_are_the_differences_of_v_between_two_instants(linear_table, observe):
@@ -29,9 +30,9 @@ def test_a_promise_is_kept_when_no_v_in_k_falls_and_broken_when_one_does(linear_
     # The other car is as bad as the table assumes: it brakes at 6 m/s² and drives 0.1 rad across.
     slower, driven = 25.0 + result.control.acceleration * 0.02, 24.94 * math.cos(0.1) * 0.02
     kept = observe([24.97 * 0.02, 4.0, 0.0, slower], [[47.0 + driven, 4.0, 0.0, 24.0 - 0.12]], 1.02)
-    assert promise_kept(linear_table.stack, result, before, kept, tolerance=0.1)
+    assert promise_kept(linear_table.stack, result, before, kept, epsilon=EPSILON, tolerance=0.1)
     broken = observe([24.97 * 0.02, 4.0, 0.0, slower], [[47.0, 4.0, 0.0, 23.0]], 1.02)
-    assert promise_kept(linear_table.stack, result, before, broken, tolerance=0.1) is False
+    assert promise_kept(linear_table.stack, result, before, broken, epsilon=EPSILON, tolerance=0.1) is False
 
 
 def test_a_promise_is_broken_by_one_car_however_well_the_other_does(linear_table, observe):
@@ -42,7 +43,19 @@ def test_a_promise_is_broken_by_one_car_however_well_the_other_does(linear_table
     after = observe([0.5, 4.0, 0.0, 25.0], [[49.0, 4.0, 0.0, 24.0], [47.0, 4.0, 0.0, 23.0]], 1.02)
     rates = realised_value_rates(linear_table.stack, before, after, np.array([0, 1]))
     assert rates.min() < -0.1 < rates.max()
-    assert promise_kept(linear_table.stack, result, before, after, tolerance=0.1) is False
+    assert promise_kept(linear_table.stack, result, before, after, epsilon=EPSILON, tolerance=0.1) is False
+
+
+def test_v_above_epsilon_may_fall_though_its_approach_is_held(linear_table, observe):
+    """V of the first car is 1 m, below ε = 2 m, and rises; that of the second is 4 m, has a row too, and falls."""
+    before = observe([0.0, 4.0, 0.0, 25.0], [[47.0, 4.0, 0.0, 24.0], [50.0, 4.0, 0.0, 24.0]], 1.00)
+    result = FilterInLoop(FilterSettings(approach=2.0), linear_table).filter(before, Control(0.0, 4.0))
+    assert result.rows.value == pytest.approx([1.0, 4.0], abs=1e-3)
+    after = observe([0.5, 4.0, 0.0, 25.0], [[48.0, 4.0, 0.0, 24.0], [50.0, 4.0, 0.0, 24.0]], 1.02)
+    first, second = realised_value_rates(linear_table.stack, before, after, np.array([0, 1]))
+    assert second < -1.0 < 1.0 < first
+    for epsilon, kept in ((EPSILON, True), (4.1, False)):
+        assert promise_kept(linear_table.stack, result, before, after, epsilon=epsilon, tolerance=0.1) is kept
 
 
 def test_nothing_is_promised_where_k_is_empty_or_the_rows_cannot_be_met(linear_table, observe):
@@ -51,7 +64,7 @@ def test_nothing_is_promised_where_k_is_empty_or_the_rows_cannot_be_met(linear_t
     near = observe([0.0, 4.0, 0.0, 35.0], [[5.0, 4.0, 0.0, 10.0]], 1.0)
     for seen in (far, near):
         result = spc.filter(seen, Control(0.0, 1.0))
-        assert promise_kept(linear_table.stack, result, seen, seen, 0.1) is None
+        assert promise_kept(linear_table.stack, result, seen, seen, epsilon=EPSILON, tolerance=0.1) is None
     assert len(spc.filter(far, Control(0.0, 1.0)).rows) == 0
     assert not spc.filter(near, Control(0.0, 1.0)).meetable
 

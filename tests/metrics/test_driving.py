@@ -58,6 +58,15 @@ def test_hard_brakes_count_once_each_and_only_behind_the_robot():
     assert driving_metrics(record, FILTER)["hard_brakes_imposed"] == 0
 
 
+def test_one_hard_braking_counts_once_behind_a_robot_that_wavers():
+    record = steady_run([(-15.0, 0.0, 20.0)])
+    record.traffic.acceleration[5:20] = -5.0
+    for beside in (0, 8, 12, 16):  # it begins before the robot is in the way, which then comes and goes
+        record.robot.y[beside : beside + 2] = 4.0
+    record.robot.y[:6] = 4.0
+    assert driving_metrics(record, FILTER)["hard_brakes_imposed"] == 1
+
+
 @pytest.mark.parametrize(("is_there", "imposed"), [(True, 0), (False, 1)])
 def test_only_a_car_that_is_there_comes_between_the_robot_and_who_brakes_behind_it(is_there, imposed):
     record = steady_run([(-40.0, 0.0, 20.0), (-15.0, 0.0, 20.0)])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hj_cosim.errors import MetricError
-from hj_cosim.metrics.summary import count_lane_changes, count_onsets, summarize, timing
+from hj_cosim.metrics.summary import count_lane_changes, summarize, timing
 from hj_cosim.recording.summary_file import summary_text
 from hj_cosim.scene.road import StraightRoad
 
@@ -58,11 +58,6 @@ def test_infinite_values_are_written_as_null(record, config):
     summary = summarize(free, config)
     assert summary["ttc_p10"] == np.inf
     assert json.loads(summary_text(summary))["ttc_p10"] is None
-
-
-def test_stretches_are_counted_once_each():
-    assert count_onsets(np.array([True, True, False, True, False, False, True])) == 3
-    assert count_onsets(np.zeros(4, bool)) == 0
 
 
 def test_wavering_at_a_line_is_no_lane_change_but_arriving_is():

@@ -159,14 +159,13 @@ class ReferenceModel:
             x_r, y_r, _, v_r = now.robot
             kept = math.exp(-step / settings.speed_response)
             travelled = planned_speed * step + (v_r - planned_speed) * settings.speed_response * (1.0 - kept)
-            robot_rate = width / settings.lane_change_time * step
+            robot_rate = min(width / settings.lane_change_time * step, travelled * math.sin(settings.heading_max))
             next_y = min(max(planned_lane * width, y_r - robot_rate), y_r + robot_rate)
             heading = 0.0
             if next_y != planned_lane * width:
-                heading = math.copysign(
-                    math.atan2(width / settings.lane_change_time, planned_speed + (v_r - planned_speed) * kept),
-                    planned_lane * width - next_y,
-                )
+                later = planned_speed + (v_r - planned_speed) * kept
+                sideways = min(width / settings.lane_change_time, later * math.sin(settings.heading_max))
+                heading = math.copysign(math.atan2(sideways, later), planned_lane * width - next_y)
             then = replace(
                 now,
                 x=now.x + 0.5 * (now.speed + speed) * step,

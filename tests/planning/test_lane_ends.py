@@ -121,3 +121,27 @@ def test_others_are_not_predicted_into_lanes_that_are_not_there(small_table):
     straight = replace(scene)
     anywhere = planner(small_table, StraightRoad(3, WIDTH)).plan(straight, Target(2, 20.0))
     assert anywhere.statistics.trajectory.y.min() < WIDTH - 0.5
+
+
+def sampled(table, road, scene, lane) -> Target:
+    """Return what the sampling planner asks for after some plans of the same instant."""
+    sampling, target = planner(table, road, kind="mppi"), Target(lane, float(scene.robot[3]))
+    for _ in range(6):
+        target = sampling.plan(scene, target).target
+    return target
+
+
+def test_the_sampling_planner_asks_for_no_lane_that_ends_within_reach(small_table):
+    """Both lanes that last are blocked by slow cars, the right one is free."""
+    road = circle(1000.0, **ENDS)
+    scenes = [observed((s, 1, 25.0), (s + 45.0, 1, 12.0), (s + 30.0, 2, 12.0)) for s in (100.0, 450.0)]
+    assert [sampled(small_table, road, scene, 1).lane for scene in scenes] == [0, 1]
+
+
+def test_the_sampling_planner_leaves_a_lane_that_ends_and_is_slower_where_it_cannot(small_table):
+    road, endless = circle(1000.0, **ENDS), circle(1000.0)
+    assert sampled(small_table, road, observed((540.0, 0, 20.0)), 0).lane == 1
+    walls = [(540.0 + x, 1, 20.0) for x in (-16.0, -8.0, 0.0, 8.0, 16.0)]
+    beside, with_room = (sampled(small_table, each, observed((540.0, 0, 20.0), *walls), 0) for each in (road, endless))
+    assert beside.lane == with_room.lane == 0
+    assert beside.speed < with_room.speed - 0.5

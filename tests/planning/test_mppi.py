@@ -73,7 +73,7 @@ def test_of_the_lanes_on_a_path_the_first_other_one_within_a_second_is_asked_for
     times = np.arange(21) * STEP
     speed = np.interp(times, [0.0, 2.0, 4.0], [22.0, 28.0, 10.0])
     path = np.column_stack([1000.0 + 22.0 * times, 4.0 * np.interp(times, [0.0, 2.0, 4.0], lanes), 0.0 * times, speed])
-    plan = make()._answer(observe([], lane=1, speed=22.0), path)
+    plan = make()._answer(observe([], lane=1, speed=22.0), path, (0, 3))
     assert (plan.action, plan.target.lane) == (action, 1 + {LEFT: 1, RIGHT: -1}.get(action, 0))
     assert plan.target.speed == pytest.approx(22.0 + 3.0 * PlannerSettings().speed_response)
 
@@ -83,14 +83,14 @@ def test_a_lane_that_the_path_enters_later_than_a_robot_told_to_now_is_not_asked
     times = np.arange(21) * STEP
     lateral = np.where(times > across, 8.0, 4.0)
     path = np.column_stack([1000.0 + 24.0 * times, lateral, 0.0 * times, 22.0 + times])
-    plan = make()._answer(observe([], lane=1, speed=22.0), path)
+    plan = make()._answer(observe([], lane=1, speed=22.0), path, (0, 3))
     assert (plan.action, plan.target.lane) == (action, 2 if action == LEFT else 1)
 
 
 @pytest.mark.parametrize("lanes", [1, 2, 3])
 def test_noise_is_spread_evenly_over_the_last_plan_and_over_the_simple_ways(make, lanes):
     planner = make(StraightRoad(lanes), omega_deviation=1e-6, acceleration_deviation=1e-6)
-    samples = planner._drawn(np.array([1000.0, 4.0 * (lanes // 2) + 0.3, 0.0, 22.0]))
+    samples = planner._drawn(np.array([1000.0, 4.0 * (lanes // 2) + 0.3, 0.0, 22.0]), (0, lanes - 1))
     middles, noisy = np.split(samples, [1 + 3 * lanes])
     distance = np.abs(noisy[:, np.newaxis] - middles).max(axis=(2, 3))
     assert distance.min(axis=1).max() < 1e-4

@@ -5,12 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hj_cosim.control.tracking import tracking_control
 from hj_cosim.planning.catalogue import make_planner
+from hj_cosim.planning.contract import IDLE, LEFT
 from hj_cosim.planning.optimistic.crash import instants_within
 from hj_cosim.planning.optimistic.prediction import approach
 from hj_cosim.scene.observation import Target
 from hj_cosim.scene.road import StraightRoad
-from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings
+from hj_cosim.settings import DriverSettings, PlannerSettings, RobotSettings, TrackingSettings
+from hj_cosim.vehicles.bicycle import bicycle_step, steering_for
 
 
 @pytest.mark.parametrize("kind", ["op", "hjop"])
@@ -104,3 +107,23 @@ def test_the_planned_speed_is_approached_as_the_tracking_controller_does(small_t
     assert path.robot[1, 3] == pytest.approx(speed[-1], abs=1e-5)
     assert path.robot[1, 0] - 1000.0 == pytest.approx(np.trapezoid(speed, time), abs=1e-4)
     assert not math.isnan(path.robot[1, 2])
+
+
+@pytest.mark.parametrize("heading_max", [0.25, 0.4])
+@pytest.mark.parametrize("speed", [0.0, 2.0, 5.0, 10.0, 24.0])
+def test_a_robot_gets_across_as_the_tracking_controller_takes_it(small_table, observe, speed, heading_max):
+    """A slow robot cannot slide sideways: as far as the bicycle that the controller steers, but for 1.4 m."""
+    settings, road, robot = PlannerSettings(heading_max=heading_max), StraightRoad(4), RobotSettings()
+    tracking, step = TrackingSettings(heading_max=heading_max), 0.02
+    scene = observe([], lane=1, speed=speed)
+    planner = make_planner(settings, robot, DriverSettings(), road, small_table)
+    path = planner.foresee(scene, Target(1, speed), [LEFT, IDLE])
+    assert (np.abs(path.robot[:, 2]) <= heading_max).all()
+    state, target = scene.robot, Target(2, speed)
+    for second in (1, 2):
+        for _ in range(round(1.0 / step)):
+            control = tracking_control(state, target, road, tracking, robot)
+            steering = steering_for(control.omega, float(state[3]), robot.wheelbase)
+            state = bicycle_step(state, steering, control.acceleration, robot.wheelbase, robot.speed_max, step)
+        assert path.robot[second, 1] == pytest.approx(state[1], abs=1.4)
+        assert path.robot[second, 1] - 4.0 <= speed * math.sin(heading_max) * second + 1e-5

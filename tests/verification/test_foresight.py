@@ -41,6 +41,15 @@ def test_errors_are_how_far_cars_are_from_where_they_were_predicted(small_table)
     require_declared(found)
 
 
+def test_a_second_without_a_look_shifts_no_prediction(small_table):
+    judged = audit(small_table)
+    for time in (0.0, 1.0, 3.0, 4.0, 8.0):  # where a car's state is not a number, nobody is judged
+        judged.judge(seen(time, [(4, 1080.0 + 25.0 * time, 3, 25.0)]), Target(1, 24.0))
+    found = judged.summary()
+    assert [found[f"prediction_samples_{ahead}s"] for ahead in (1, 2, 3)] == [2, 1, 2]
+    assert max(found[f"prediction_error_{ahead}s"] for ahead in (1, 2, 3)) < 1e-3
+
+
 def test_a_lane_that_nobody_expected_counts(small_table):
     judged = audit(small_table)
     for time in range(4):

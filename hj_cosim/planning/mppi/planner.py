@@ -17,6 +17,7 @@ from hj_cosim.planning.contract import FASTER, IDLE, LEFT, RIGHT, SLOWER, Plan
 from hj_cosim.planning.mppi.others import Habits, Others, predict_others
 from hj_cosim.planning.mppi.rollouts import Costs, Outlook, RobotModel, drive, follow_lanes, judge
 from hj_cosim.planning.mppi.shield import NO_SHIELD, Shield
+from hj_cosim.planning.optimistic.lane_ends import robots_lanes, with_lane_ends
 from hj_cosim.planning.optimistic.reward import reward_model
 from hj_cosim.planning.optimistic.speed_limits import fastest_within_limits
 from hj_cosim.reachability.games.highway.rows import row_numbers
@@ -107,6 +108,8 @@ class MppiPlanner:
     def plan(self, observation: Observation, previous: Target) -> Plan:
         """Return the next lane that the plan enters and the speed to which it leads; see Planner."""
         self._shift(observation.time)
+        lanes = robots_lanes(self._road, observation, self._settings.sensing_range)
+        observation = with_lane_ends(observation, self._road, self._settings.sensing_range)
         state = np.array(observation.robot, dtype=float)
         path = np.empty((self._instants + 1, 4))
         drive(state, self._plan.copy(), path, self._robot, self._options.step)
@@ -118,12 +121,12 @@ class MppiPlanner:
             self._options.step,
             self._settings.discount**self._options.step,
         )
-        controls = self._drawn(state)
+        controls = self._drawn(state, lanes)
         worths, ends = np.empty(len(controls)), np.empty(len(controls), np.int64)
         judge(state, controls, outlook, self._tables, self._shield, worths, ends)
         self._plan = self._mean(controls, worths, ends)
         drive(state, self._plan, path, self._robot, self._options.step)
-        return self._answer(observation, path)
+        return self._answer(observation, path, lanes)
 
     def _shift(self, now: float) -> None:
         """Let the last plan begin where it has got to by now."""
@@ -156,11 +159,12 @@ class MppiPlanner:
         """Return how fast the robot may plan to be by the speed limits ahead, m/s."""
         return fastest_within_limits(self._road, float(state[0]), float(state[3]), self._settings.action_time)
 
-    def _drawn(self, state: np.ndarray) -> np.ndarray:
+    def _drawn(self, state: np.ndarray, lanes_between: tuple[int, int]) -> np.ndarray:
         """Return the samples, (K, T, 2): the last plan and the simple ways, and noise around all of them."""
         options, road = self._options, self._road
         here = road.lane_at(float(state[1]), float(state[0]))
-        reachable = [lane for lane in (here - 1, here, here + 1) if lane in road.lanes_at(float(state[0]))]
+        first, last = lanes_between
+        reachable = [lane for lane in (here - 1, here, here + 1) if first <= lane <= last]
         lanes = np.repeat(np.array(reachable, dtype=float), len(SPEEDS))
         fastest = min(self._settings.speed_high, self._allowed(state))
         least, most = min(self._settings.speed_floor, fastest), fastest
@@ -183,7 +187,7 @@ class MppiPlanner:
         weights = np.where(ends == ends[best], np.exp((worths - worths[best]) / self._options.temperature), 0.0)
         return np.asarray(np.tensordot(weights / weights.sum(), controls, axes=1))
 
-    def _answer(self, observation: Observation, path: np.ndarray) -> Plan:
+    def _answer(self, observation: Observation, path: np.ndarray, lanes_between: tuple[int, int]) -> Plan:
         """Return the first other lane that the path enters soon, and its speed after the time in which one is tracked.
 
         Not the lane in which it ends: a path may pass somebody on one side and come back, or go on to the other. Nor
@@ -195,6 +199,7 @@ class MppiPlanner:
         lanes = road.nearest_lanes(soon[:, 1], soon[:, 0])
         others = lanes[lanes != here]
         lane = min(max(int(others[0]), here - 1), here + 1) if len(others) else here
+        lane = min(max(lane, lanes_between[0]), lanes_between[1])
         times = np.arange(len(path)) * self._options.step
         planned = min(float(np.interp(self._settings.speed_response, times, path[:, 3])), self._allowed(path[0]))
         action = IDLE

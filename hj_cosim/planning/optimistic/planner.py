@@ -66,6 +66,7 @@ def prediction_model(
         steps=steps,
         step=step,
         robot_lateral_speed=road.lane_width / settings.lane_change_time,
+        heading_max_sine=math.sin(settings.heading_max),
         others_lateral_speed=road.lane_width / settings.others_lane_change_time,
         speed_kept=math.exp(-step / settings.speed_response),
         speed_response=settings.speed_response,

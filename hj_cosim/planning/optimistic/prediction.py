@@ -75,7 +75,8 @@ class PredictionModel(NamedTuple):
     lane_width: float  # m
     steps: int  # K, car-following steps in one action
     step: float  # s
-    robot_lateral_speed: float  # m/s, during the robot's lane changes
+    robot_lateral_speed: float  # m/s, during the robot's lane changes, as far as its heading allows
+    heading_max_sine: float  # of the largest heading towards a lane
     others_lateral_speed: float  # m/s, during the others'
     speed_kept: float  # share of v − v_p that is left after one step of the tracked speed
     speed_response: float  # s
@@ -306,7 +307,8 @@ def drive_robot(
     """Drive the robot through one action.
 
     Its speed approaches v_p exponentially, as the tracking controller's a = K_2 (v_p − v) makes it; across the
-    road it moves at a constant speed until it is on the planned lane's centre line.
+    road it moves at a constant speed until it is on the planned lane's centre line, or, while it is too slow for that,
+    at the largest heading at which it is steered towards a lane.
 
     Returns:
         The bit set of the lanes in which it is noticed meanwhile, and its heading at the end, rad.
@@ -321,13 +323,15 @@ def drive_robot(
         scene.robot_lanes[now] = noticed_lanes(lateral, model)
         occupied |= scene.robot_lanes[now]
         excess = speed - planned_speed
-        position += planned_speed * model.step + excess * (1.0 - model.speed_kept) * model.speed_response
+        way = planned_speed * model.step + excess * (1.0 - model.speed_kept) * model.speed_response
+        position += way
         speed = planned_speed + excess * model.speed_kept
-        lateral = approach(lateral, target, model.robot_lateral_speed * model.step)
+        lateral = approach(lateral, target, min(model.robot_lateral_speed * model.step, way * model.heading_max_sine))
     across = target - scene.robot_motion[LATERAL, model.steps]
     if across == 0.0:
         return occupied, 0.0
-    return occupied, math.atan2(math.copysign(model.robot_lateral_speed, across), max(speed, model.robot_lateral_speed))
+    sideways = min(model.robot_lateral_speed, speed * model.heading_max_sine)
+    return occupied, math.atan2(math.copysign(sideways, across), speed)
 
 
 @kernel
