@@ -4,31 +4,26 @@ All stream row group by row group, so that a long drive of many cars needs littl
 """
 
 import gzip
-import math
 import re
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import IO, Any
-from xml.sax.saxutils import escape
+from typing import IO
 
-import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet as pq
 
+from hj_cosim.analysis.fcd import TYPES, TYPES_TEXT, lane_names, row_groups, types_of, write_fcd
 from hj_cosim.analysis.highd import RECORDING_META, TRACKS, TRACKS_META, write_highd
 from hj_cosim.errors import OutputError, RunFolderError
 from hj_cosim.files import naming_the_place, whole_file
 from hj_cosim.locations import given_path
-from hj_cosim.recording.record import ROBOT_NAME
 from hj_cosim.recording.run_bounds import open_columns
 from hj_cosim.recording.run_folder import read_config, road_of
 from hj_cosim.recording.study_files import require_not_ours
 from hj_cosim.recording.trajectories import TRAJECTORIES
-from hj_cosim.scene.road import Road
 from hj_cosim.settings import shown
 
 # What each format's file is called when no name is given.
@@ -42,14 +37,6 @@ COLUMNS = ("time", "vehicle", "x", "y", "heading", "speed", "acceleration", "lan
 
 
 _FORMATS_OF_SUFFIXES = {".csv": "csv", ".parquet": "parquet", ".xml": "fcd"}
-# What an FCD file's vehicle types are in, beside it: SUMO replays none that it does not know.
-TYPES = ".types.add.xml"
-OTHERS_TYPE = "DEFAULT_VEHTYPE"  # which SUMO knows without being told
-_TYPES_TEXT = (
-    '<?xml version="1.0" encoding="UTF-8"?>\n\n<additional>\n'
-    f'    <vType id="{ROBOT_NAME}" vClass="passenger" length="{{}}" width="{{}}" color="orange"/>\n'
-    "</additional>\n"
-)
 _OTHER_COMPRESSIONS = (".bz2", ".xz", ".zst", ".zip", ".7z", ".tgz", ".tar")
 
 
@@ -58,7 +45,8 @@ def export_run(folder: PathLike[str] | str, format: str | None = None, out: Path
 
     `csv` and `parquet` have the columns of trajectories.parquet, the names as plain strings, in compression that every
     reader knows. `fcd` is SUMO's floating car data: world coordinates of the middle of the front bumper, angles in
-    degrees clockwise from north, lane names, and positions along the lane. The robot has a type of its own, `robot`,
+    degrees clockwise from north, lane names, and positions along the lane; the latter two not of a user's own
+    simulation, nor of cars on ramps. The robot has a type of its own, `robot`,
     which a second file beside it defines (NAME.types.add.xml); with both, SUMO replays it
     (`sumo-gui --net-file NET --step-length 0.02 --additional-files TYPES --device.fcd-replay.file FILE`).
     `highd` is highD's three CSV files, 25 frames a second (analysis/highd.py).
@@ -76,6 +64,7 @@ def export_run(folder: PathLike[str] | str, format: str | None = None, out: Path
         ConfigurationError: if `folder` or `out` is no path.
         OutputError: if the format is unknown, the file's name contradicts it, or what is to appear beside it would
             replace a file that no earlier export wrote, or the file is there and its name is no export's.
+        NetworkError: if it is to be `fcd` of a drive on a route, whose network is gone.
         RunFolderError: if the folder holds no run, or the file belongs to one or to a study.
         HjCosimError: if the file cannot be written.
     """
@@ -113,9 +102,9 @@ def export_files(folder: PathLike[str] | str, format: str | None, out: PathLike[
                     if kind == "csv":
                         _write_csv(trajectories, file)
                     else:
-                        edge = config["scenario"]["network"]["edge"]
-                        _write_fcd(trajectories, file, road_of(trajectories.schema_arrow), edge)
-                        beside[0].write_text(_types(trajectories), encoding="utf-8")
+                        road = road_of(trajectories.schema_arrow)
+                        write_fcd(trajectories, file, road, lane_names(road, config["scenario"]))
+                        beside[0].write_text(types_of(trajectories), encoding="utf-8")
     except (OSError, ValueError, KeyError) as error:  # pyarrow's errors are among these
         raise RunFolderError(f"{folder / TRAJECTORIES} is broken: {error}") from error
     return written
@@ -162,9 +151,9 @@ def _require_exported(companion: Path, target: Path, kind: str) -> None:
     if kind == "highd":
         is_ours = target.exists()
     else:
-        form = re.escape(_TYPES_TEXT.format("LENGTH", "WIDTH")).replace("LENGTH", '[^"]+').replace("WIDTH", '[^"]+')
+        form = re.escape(TYPES_TEXT.format("LENGTH", "WIDTH")).replace("LENGTH", '[^"]+').replace("WIDTH", '[^"]+')
         with naming_the_place(companion):
-            content = companion.read_bytes() if companion.stat().st_size < 2 * len(_TYPES_TEXT) else b""
+            content = companion.read_bytes() if companion.stat().st_size < 2 * len(TYPES_TEXT) else b""
         is_ours = re.fullmatch(form.encode(), content.replace(b"\r\n", b"\n")) is not None
     if not is_ours:
         raise OutputError(
@@ -227,11 +216,6 @@ def _require_columns(schema: pa.Schema) -> None:
         raise KeyError(f"it has no column {missing[0]}")
 
 
-def _row_groups(trajectories: pq.ParquetFile) -> Iterator[pa.Table]:
-    for group in range(trajectories.num_row_groups):
-        yield trajectories.read_row_group(group)
-
-
 def _plain(rows: pa.Table) -> pa.Table:
     """Return the rows with the vehicles' names as plain strings."""
     return rows.set_column(rows.schema.get_field_index("vehicle"), "vehicle", rows["vehicle"].cast(pa.string()))
@@ -244,67 +228,11 @@ def _plain_schema(trajectories: pq.ParquetFile) -> pa.Schema:
 
 def _write_csv(trajectories: pq.ParquetFile, file: IO[bytes]) -> None:
     with pyarrow.csv.CSVWriter(file, _plain_schema(trajectories)) as writer:
-        for rows in _row_groups(trajectories):
+        for rows in row_groups(trajectories):
             writer.write_table(_plain(rows))
 
 
 def _write_parquet(trajectories: pq.ParquetFile, path: Path) -> None:
     with pq.ParquetWriter(path, _plain_schema(trajectories), compression="snappy") as writer:
-        for rows in _row_groups(trajectories):
+        for rows in row_groups(trajectories):
             writer.write_table(_plain(rows))
-
-
-def _write_fcd(trajectories: pq.ParquetFile, file: IO[bytes], road: Road, edge: str) -> None:
-    file.write(b'<?xml version="1.0" encoding="UTF-8"?>\n\n<fcd-export>\n')
-    for rows in _row_groups(trajectories):  # a row group holds whole time steps
-        lines = _fcd_lines(rows, road, edge).to_pylist()
-        time = rows["time"].to_numpy()
-        starts = np.concatenate([[0], np.flatnonzero(np.diff(time)) + 1])
-        for start, stop in zip(starts, [*starts[1:], len(time)], strict=True):
-            body = "\n".join(lines[start:stop])
-            file.write(f'    <timestep time="{time[start]:.3f}">\n{body}\n    </timestep>\n'.encode())
-    file.write(b"</fcd-export>\n")
-
-
-def _types(trajectories: pq.ParquetFile) -> str:
-    """Return the additional file that defines the robot's type; the robot comes first at any time."""
-    first = next(_row_groups(trajectories)).slice(0, 1)
-    length, width = (first[name][0].as_py() for name in ("length", "width"))
-    return _TYPES_TEXT.format(repr(length), repr(width))
-
-
-def _fcd_lines(rows: pa.Table, road: Road, edge: str) -> pa.Array:
-    """Return FCD's line for each row; numbers are written so that they read back as the same doubles."""
-    x, y, heading, length = (rows[name].to_numpy() for name in ("x", "y", "heading", "length"))
-    front = x + 0.5 * length * np.cos(heading)
-    front_lateral = y + 0.5 * length * np.sin(heading)
-    world_x, world_y, world_heading = road.to_world(front, front_lateral, heading)
-    # + 0.0 turns the -0.0 that rounding leaves into 0.0
-    angle = (90.0 - world_heading * (180.0 / math.pi)) % 360.0 + 0.0
-    vehicle = rows["vehicle"].combine_chunks()
-    names = vehicle.dictionary.to_pylist()
-    identity = [f'        <vehicle id="{escape(name, {chr(34): "&quot;"})}" x="' for name in names]
-    types = [f'" type="{ROBOT_NAME if name == ROBOT_NAME else OTHERS_TYPE}" speed="' for name in names]
-    columns: list[Any] = [
-        pa.array(identity).take(vehicle.indices),
-        _text(world_x),
-        '" y="',
-        _text(world_y),
-        '" angle="',
-        _text(angle),
-        pa.array(types).take(vehicle.indices),
-        rows["speed"].combine_chunks().cast(pa.string()),
-        '" pos="',
-        _text(front),
-        f'" lane="{escape(edge, {chr(34): "&quot;"})}_',
-        rows["lane"].combine_chunks().cast(pa.string()),
-        '" slope="0" acceleration="',
-        rows["acceleration"].combine_chunks().cast(pa.string()),
-        '"/>',
-        "",
-    ]
-    return pc.binary_join_element_wise(*columns)
-
-
-def _text(values: np.ndarray) -> pa.Array:
-    return pa.array(values).cast(pa.string())
