@@ -74,7 +74,7 @@ def replay_data(
         "laneWidth": record.road.lane_width,
         "robotLength": record.robot_length,
         "robotWidth": record.robot_width,
-        "samplesPerSecond": round(1.0 / step),
+        "samplesPerSecond": 1.0 / step,
         "lateralRate": tracking.k_1,
         "speedRate": tracking.k_2,
         "valueLimit": VALUE_LIMIT,

@@ -20,11 +20,14 @@ def draw_weights(episodes: int, resamples: int = RESAMPLES, seed: int = DRAW_SEE
     return counts.reshape(resamples, episodes).astype(np.int32)
 
 
-def interval(replicates: np.ndarray, confidence: float = 0.95) -> tuple[float, float]:
+def interval(replicates: np.ndarray, episodes: int, confidence: float = 0.95) -> tuple[float, float]:
     """Return the percentile interval of a statistic's replicates (R,), which may be infinite.
 
-    Its ends are replicates themselves, the outer ones of the neighbours.
+    Its ends are replicates themselves, the outer ones of the neighbours. NaN of a single episode: all its resamples
+    are itself, which says nothing of how much another would differ.
     """
+    if episodes < 2:
+        return float("nan"), float("nan")
     ordered = np.sort(replicates)
     tail = 0.5 * (1.0 - confidence) * (len(ordered) - 1)
     return float(ordered[int(np.floor(tail))]), float(ordered[len(ordered) - 1 - int(np.floor(tail))])

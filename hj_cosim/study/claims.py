@@ -41,6 +41,10 @@ class Claim:
         """Return the stacks that it speaks of."""
         return tuple(parse_stack(name) for name in (self.stack, self.than) if isinstance(name, str))
 
+    def common_seeds(self, rows: Mapping[Stack, RowStatistics]) -> tuple[int, ...]:
+        """Return the seeds, ascending, of which all stacks that it needs have episodes."""
+        return tuple(sorted(set.intersection(*(set(rows[stack].seeds) for stack in self.needs))))
+
     def excess(self, rows: Mapping[Stack, RowStatistics]) -> tuple[int, np.ndarray, np.ndarray]:
         """Return how many episodes it is checked on, and the metric less what it is compared with.
 
@@ -50,8 +54,7 @@ class Claim:
         Returns:
             The number of common seeds, the observed difference (1,), and its bootstrap replicates (R,).
         """
-        common = set.intersection(*(set(rows[stack].seeds) for stack in self.needs))
-        seeds = tuple(sorted(common))
+        seeds = self.common_seeds(rows)
         observed, drawn = (values[self.metric] for values in rows[self.needs[0]].observed_and_drawn(seeds))
         if isinstance(self.than, float):
             return len(seeds), observed - self.than, drawn - self.than
@@ -120,7 +123,7 @@ def claim_table(rows: Sequence[Row]) -> pd.DataFrame:
         {**place, **_checked(claim, stacks)}
         for place, preset, stacks in _places(rows)
         for claim in CLAIMS[preset]
-        if all(stack in stacks and stacks[stack].seeds for stack in claim.needs)
+        if all(stack in stacks for stack in claim.needs) and claim.common_seeds(stacks)
     ]
     return pd.DataFrame(records) if records else pd.DataFrame(columns=["scenario", *_COLUMNS])
 
@@ -143,7 +146,7 @@ def _places(rows: Sequence[Row]) -> Iterator[tuple[dict[str, Any], str, dict[Sta
 
 def _checked(claim: Claim, rows: Mapping[Stack, RowStatistics]) -> dict[str, Any]:
     episodes, observed, drawn = claim.excess(rows)
-    low, high = interval(drawn)
+    low, high = interval(drawn, episodes)
     return {
         "claim": claim.text,
         "episodes": episodes,

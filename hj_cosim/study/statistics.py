@@ -123,7 +123,7 @@ class RowStatistics:
     def estimates(self) -> dict[str, Estimate]:
         """Return every metric with its interval; empty without episodes."""
         observed, drawn = self.observed_and_drawn(self.seeds)
-        return _estimates(observed, drawn)
+        return _estimates(observed, drawn, len(self.seeds))
 
     def differences(self, other: "RowStatistics") -> tuple[int, dict[str, Estimate]]:
         """Return how much each metric exceeds that of another row, on the seeds that both have.
@@ -136,7 +136,7 @@ class RowStatistics:
         """
         common = tuple(seed for seed in self.seeds if seed in other._results)
         ours, theirs = self.observed_and_drawn(common), other.observed_and_drawn(common)
-        return len(common), _estimates(_minus(ours[0], theirs[0]), _minus(ours[1], theirs[1]))
+        return len(common), _estimates(_minus(ours[0], theirs[0]), _minus(ours[1], theirs[1]), len(common))
 
     def independent_differences(self, other: "RowStatistics") -> dict[str, Estimate]:
         """Return how much each metric exceeds that of another row whose episodes have nothing in common with these.
@@ -148,7 +148,7 @@ class RowStatistics:
         if len(self.seeds) != len(other.seeds):
             alike = [name for name in alike if not _is_sum(METRICS[name])]
         observed, drawn = ({name: part[name] for name in alike} for part in ours)
-        return _estimates(_minus(observed, theirs[0]), _minus(drawn, theirs[1]))
+        return _estimates(_minus(observed, theirs[0]), _minus(drawn, theirs[1]), min(len(self.seeds), len(other.seeds)))
 
     def observed_and_drawn(self, seeds: tuple[int, ...]) -> tuple[Replicates, Replicates]:
         """Return every metric of the episodes of `seeds` (1,), and their bootstrap replicates (RESAMPLES,)."""
@@ -168,8 +168,8 @@ def _is_sum(metric: Metric) -> bool:
     return isinstance(metric.pooling, EpisodesWith) or metric.pooling == SUM_OVER_EPISODES
 
 
-def _estimates(observed: Replicates, drawn: Replicates) -> dict[str, Estimate]:
-    return {name: Estimate(float(observed[name][0]), *interval(drawn[name])) for name in observed}
+def _estimates(observed: Replicates, drawn: Replicates, episodes: int) -> dict[str, Estimate]:
+    return {name: Estimate(float(observed[name][0]), *interval(drawn[name], episodes)) for name in observed}
 
 
 def _minus(ours: Replicates, theirs: Replicates) -> dict[str, np.ndarray]:

@@ -4,13 +4,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from hj_cosim.errors import ScenarioError
+from hj_cosim.errors import ConfigurationError, ScenarioError
 from hj_cosim.scene.observation import Observation
 from hj_cosim.scene.road import Road
 from hj_cosim.settings import EpisodeConfig
 from hj_cosim.traffic.contract import World
 from hj_cosim.traffic.settling import follow_lane, robot_driver
-from hj_cosim.verification.traffic_measures import Lanes, TrafficMeasures, measure_traffic
+from hj_cosim.verification.traffic_measures import TrafficMeasures, measure_traffic
 
 SAMPLE = 0.1  # s between two looks at the traffic
 
@@ -96,12 +96,18 @@ def traffic_realism(
         progress: called with the episodes driven and the episodes in all.
 
     Raises:
+        ConfigurationError: if the drives are too short to be looked at.
         ScenarioError: if all its cars are placed by hand, which is a scene and no traffic.
         NetworkError, SimulationError: as the world raises them.
     """
     if config.scenario.is_hand_made:
         raise ScenarioError(
             f"scenario {config.scenario.name} places all its cars by hand, a scene and no traffic; choose another"
+        )
+    if config.simulation.duration < SAMPLE:
+        raise ConfigurationError(
+            f"simulation.duration = {config.simulation.duration:g} s is too short to see any traffic: it is looked at"
+            f" every {SAMPLE:g} s"
         )
     honest = config.scenario.rogues.model_copy(update={"share": 0.0})
     scenario = config.scenario.model_copy(update={"rogues": honest})
@@ -111,7 +117,7 @@ def traffic_realism(
         driven.append(_drive(config.model_copy(update={"seed": config.seed + number}), open_world))
         if progress is not None:
             progress(number + 1, episodes)
-    measures = measure_traffic([observations for _, observations in driven], SAMPLE, Lanes.of(driven[0][0]))
+    measures = measure_traffic([observations for _, observations in driven], SAMPLE, driven[0][0])
     return measures, findings(measures)
 
 

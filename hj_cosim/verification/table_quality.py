@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hj_cosim.errors import TableError
 from hj_cosim.reachability.solver.solver import Progress
 from hj_cosim.reachability.table.store import solve_table
 from hj_cosim.reachability.table.table import ValueTable
@@ -69,15 +70,21 @@ def check_table(
         progress: called with the steps done and the steps in all, for each finer table anew.
 
     Raises:
-        TableError: if a finer table's solution is not finite.
+        TableError: if V is nowhere near 0, or a finer table's solution is not finite.
     """
     generator = np.random.default_rng(seed)
     samples = table.draw_states(states, generator)
+    starts = states_near_zero(table, rollouts, 1.0, generator)
+    if len(starts) == 0:
+        raise TableError(
+            f"no state of the table has |V| <= 1: V is from {table.values.min():.3g} to {table.values.max():.3g}, so"
+            " that nothing begins at the edge of its avoid tube; look at the game's target and grid"
+        )
     refinements = tuple(
         _compare(table, what, solve_table(specification, progress), samples)
         for what, specification in finer_specifications(table, seconds)
     )
-    games = play(table, states_near_zero(table, rollouts, 1.0, generator), duration=table.specification.horizon)
+    games = play(table, starts, duration=table.specification.horizon)
     shortfall, promised_safe = games.shortfall, games.promised > 0.0
     return TableQuality(
         residual=table.report.residual,
@@ -127,7 +134,9 @@ def _with_shape(specification: TableSpecification, shape: tuple[int, ...]) -> Ta
 
 def _compare(table: ValueTable, what: str, finer: ValueTable, samples: np.ndarray) -> Refinement:
     ours, theirs = table.value(samples), finer.value(samples)
-    change = np.abs(ours - theirs)[np.abs(ours) < _NEAR]
+    # Where hardly any state is near the avoid tube's edge, all of them are compared.
+    near = np.abs(ours) < _NEAR
+    change = np.abs(ours - theirs)[near if near.any() else ...]
     wrongly_safe = (ours > 0.0) & (theirs <= 0.0)
     allowed = int(0.001 * len(samples))
     excess = np.sort(ours[wrongly_safe])[::-1]

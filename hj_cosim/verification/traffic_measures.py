@@ -65,21 +65,21 @@ class Lanes:
         return float(last - first)
 
 
-def measure_traffic(drives: Iterable[Iterable[Observation]], step: float, lanes: Lanes) -> TrafficMeasures:
+def measure_traffic(drives: Iterable[Iterable[Observation]], step: float, road: Road) -> TrafficMeasures:
     """Return the measures of one or several drives together.
 
     Args:
         drives: each one's observations, evenly spaced, with two cars or more.
         step: s from one to the next.
-        lanes: the road's.
+        road: the drives'.
     """
-    sums = _Sums()
+    sums, lanes = _Sums(), Lanes.of(road)
     for observations in drives:
         lane_before: dict[int, int] = {}
         for now in observations:
             _add_region(sums, now, step, lanes)
             _add_lanes(sums, now, step, lane_before)
-            _add_pairs(sums, now)
+            _add_pairs(sums, now, road)
     headways = np.concatenate(sums.headways)
     ttc = np.concatenate(sums.times_to_collision)
     closing = ttc[np.isfinite(ttc)]
@@ -111,12 +111,13 @@ def _add_lanes(sums: _Sums, now: Observation, step: float, lane_before: dict[int
     sums.driven += step * float(now.speed.sum())
 
 
-def _add_pairs(sums: _Sums, now: Observation) -> None:
+def _add_pairs(sums: _Sums, now: Observation, road: Road) -> None:
     """Add everybody's headway to, and TTC with, the car ahead in its lane; where that is the robot, nothing."""
     number = np.append(now.vehicle, _ROBOT)
-    lane = np.append(now.lane, _lane_of_robot(now))
-    x, length = np.append(now.x, now.robot[0]), np.append(now.length, 0.0)
-    speed = np.append(now.speed, now.robot[3])
+    robot_x, robot_y, _, robot_speed = now.robot.tolist()
+    lane = np.append(now.lane, road.lane_at(robot_y, robot_x))
+    x, length = np.append(now.x, robot_x), np.append(now.length, 0.0)
+    speed = np.append(now.speed, robot_speed)
     order = np.lexsort((x, lane))
     rear, front = order[:-1], order[1:]
     gap = x[front] - x[rear] - 0.5 * (length[front] + length[rear])
@@ -126,8 +127,3 @@ def _add_pairs(sums: _Sums, now: Observation) -> None:
     closing = speed[rear] - speed[front]
     sums.headways.append(gap / speed[rear])
     sums.times_to_collision.append(np.where(closing > 0.0, gap / np.where(closing > 0.0, closing, 1.0), np.inf))
-
-
-def _lane_of_robot(now: Observation) -> int:
-    """Return the robot's lane: that of the car whose centre line is nearest to it."""
-    return int(now.lane[np.argmin(np.abs(now.y - now.robot[1]))])

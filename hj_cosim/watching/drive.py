@@ -109,7 +109,7 @@ def _scene(config: EpisodeConfig, world: World, every: int) -> dict[str, Any]:
         "laneWidth": world.road.lane_width,
         "robotLength": config.robot.length,
         "robotWidth": config.robot.width,
-        "samplesPerSecond": round(1.0 / step),
+        "samplesPerSecond": 1.0 / step,
         "lateralRate": config.tracking.k_1,
         "speedRate": config.tracking.k_2,
         "valueLimit": VALUE_LIMIT,

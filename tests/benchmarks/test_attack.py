@@ -60,5 +60,5 @@ def _study(folder: Path) -> Study:
 
 def _with_interval(by_seed: np.ndarray) -> str:
     weights = draw_weights(len(by_seed))
-    low, high = interval(weights @ by_seed / weights.sum(axis=1))
+    low, high = interval(weights @ by_seed / weights.sum(axis=1), len(by_seed))
     return f"{by_seed.mean():.3f} [{low:.3f}, {high:.3f}]"

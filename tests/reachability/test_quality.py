@@ -1,7 +1,9 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
-from hj_cosim.errors import ConfigurationError
+from hj_cosim.errors import ConfigurationError, TableError
 from hj_cosim.reachability.table.slices import value_slice
 from hj_cosim.reachability.table.store import solve_table
 from hj_cosim.reachability.table.table import ValueTable
@@ -77,3 +79,17 @@ def test_a_slice_over_unknown_or_held_states_is_refused(small_table: ValueTable)
         value_slice(small_table, over=("p_x", "speed"))
     with pytest.raises(ConfigurationError, match="not held"):
         value_slice(small_table, {"p_x": 3.0})
+
+
+def test_a_table_that_is_nowhere_near_zero_is_refused_and_says_what_v_is(braking: TableSpecification) -> None:
+    table = solve_table(braking)
+    everywhere_safe = dataclasses.replace(table, values=table.values + np.float32(100.0))
+    with pytest.raises(TableError, match=r"no state of the table has \|V\| <= 1: V is from 9\d"):
+        check_table(everywhere_safe, rollouts=20, states=2000, seconds=0.0)
+
+
+def test_where_no_random_state_is_near_zero_all_are_compared_with_a_finer_table(braking: TableSpecification) -> None:
+    table = solve_table(braking)
+    far = dataclasses.replace(table, values=np.where(np.abs(table.values) > 0.05, table.values * 100.0, table.values))
+    quality = check_table(far, rollouts=20, states=5, seconds=60.0)
+    assert all(refinement.change_median > 5.0 for refinement in quality.refinements)

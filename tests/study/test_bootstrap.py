@@ -41,7 +41,7 @@ def test_each_episode_is_drawn_equally_often():
 def test_the_interval_of_a_mean_agrees_with_the_normal_theory():
     data = np.random.default_rng(3).normal(10.0, 2.0, 200)
     means = draw_weights(len(data)) @ data / len(data)
-    low, high = interval(means)
+    low, high = interval(means, len(data))
     error = data.std() / np.sqrt(len(data))
     assert low == pytest.approx(data.mean() - 1.96 * error, abs=0.15 * error)
     assert high == pytest.approx(data.mean() + 1.96 * error, abs=0.15 * error)
@@ -52,11 +52,15 @@ def test_intervals_cover_the_truth_about_as_often_as_they_say():
     weights = draw_weights(40, resamples=1000)
     hits = 0
     for _ in range(400):
-        low, high = interval(weights @ draw.normal(size=40) / 40)
+        low, high = interval(weights @ draw.normal(size=40) / 40, 40)
         hits += low <= 0.0 <= high
     assert 0.90 <= hits / 400 <= 0.98
 
 
 def test_an_interval_may_be_infinite_but_never_nan():
-    assert interval(np.array([1.0] * 50 + [np.inf] * 50)) == (1.0, np.inf)
-    assert interval(np.full(100, np.inf)) == (np.inf, np.inf)
+    assert interval(np.array([1.0] * 50 + [np.inf] * 50), 2) == (1.0, np.inf)
+    assert interval(np.full(100, np.inf), 2) == (np.inf, np.inf)
+
+
+def test_a_single_episode_says_nothing_of_how_much_another_would_differ():
+    assert np.isnan(interval(np.full(100, 3.0), 1)).all()

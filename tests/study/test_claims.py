@@ -80,6 +80,20 @@ def test_a_claim_is_checked_on_the_common_seeds():
     assert claims.loc["mean_speed of OP + None is at least 26", "episodes"] == 4
 
 
+def test_claims_about_stacks_that_share_no_seed_are_left_out():
+    rows = rows_of("paper", as_in_the_paper, episodes=2, missing={("op-none", 0), ("hjop-none", 1)})
+    claims = set(claim_table(rows)["claim"])
+    assert "mean_speed of HJOP + None is less than OP + None" not in claims
+    assert "mean_speed of OP + None is at least 26" in claims
+
+
+def test_of_a_single_episode_no_claim_is_certain():
+    claims = claim_table(rows_of("paper", as_in_the_paper, episodes=1))
+    assert claims["holds"].all()
+    assert not claims["certain"].any()
+    assert claims["excess_lo"].isna().all()
+
+
 def test_claims_about_stacks_that_are_not_there_are_left_out():
     rows = [row for row in rows_of("best", as_in_the_paper, episodes=2) if row.cell.stack.name == "op-none"]
     assert claim_table(rows).empty

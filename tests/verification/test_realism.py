@@ -15,7 +15,7 @@ from hj_cosim.traffic.sources.scenarios import load_scenario
 from hj_cosim.verification.realism import CAPACITY, HEADWAY, findings
 from hj_cosim.verification.traffic_measures import Lanes, measure_traffic
 
-TWO_LANES = Lanes.of(StraightRoad(2, length=20_000.0))
+TWO_LANES = StraightRoad(2, length=20_000.0)
 SPACING, SPEED, STEP = 50.0, 20.0, 0.1
 CARS = 200  # a lane
 
@@ -90,6 +90,18 @@ def test_the_robot_is_nobody_s_leader_and_follows_nobody():
     found = measure_traffic([beside_the_robot()], STEP, TWO_LANES)
     assert found.headway_median == pytest.approx((SPACING - 5.0) / SPEED)
     assert (found.short_headway_percent, found.critical_ttc_percent) == (0.0, 0.0)
+
+
+def test_the_robot_is_in_the_lane_that_it_is_nearest_to_whoever_is_nearest_to_it_across_the_road():
+    """It drives between one that closes in and the next; a car of lane 1 that comes over is nearer to its line."""
+
+    def between_two():
+        for now in platoon(seconds=STEP):
+            x, y, speed = now.x.copy(), now.y.copy(), now.speed.copy()
+            x[50], speed[50], y[CARS + 3] = x[51] - 20.0, 30.0, 0.6
+            yield replace(now, x=x, y=y, speed=speed, robot=np.array([x[51] - 10.0, 0.5, 0.0, 20.0]))
+
+    assert measure_traffic([between_two()], STEP, TWO_LANES).critical_ttc_percent == 0.0
 
 
 def test_verdicts_say_where_a_value_lies():

@@ -295,10 +295,11 @@
     show(sample);
   }
 
+  const aSecond = Math.max(Math.round(raw.samplesPerSecond), 1);
   const keys = {
     " ": toggle,
-    ArrowLeft: (event) => seek(sample - (event.shiftKey ? raw.samplesPerSecond : 1)),
-    ArrowRight: (event) => seek(sample + (event.shiftKey ? raw.samplesPerSecond : 1)),
+    ArrowLeft: (event) => seek(sample - (event.shiftKey ? aSecond : 1)),
+    ArrowRight: (event) => seek(sample + (event.shiftKey ? aSecond : 1)),
     Home: () => seek(0),
     End: () => seek(last),
     "+": () => changeRate(1),
