@@ -19,6 +19,7 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
+import os
 import sys
 import traceback
 from collections.abc import Mapping
@@ -151,6 +152,19 @@ def find_plugin(kind: PluginKind, reference: str) -> object:
     return _with_method(kind, found, asked)
 
 
+def content_of(kind: PluginKind, reference: str) -> str | None:
+    """Return a hash of the file in which a plug-in's class is written; None of ours, and of one that is in no file.
+
+    Raises:
+        ConfigurationError, PluginError: if there is no such plug-in.
+    """
+    if reference in kind.ours or reference in kind.several:
+        return None
+    module = sys.modules.get(class_of(find_plugin(kind, reference)).__module__)
+    file = getattr(module, "__file__", None)
+    return None if file is None else hashlib.sha256(Path(file).read_bytes()).hexdigest()[:12]
+
+
 def _is_own_class(value: object, module: ModuleType, method: str) -> bool:
     return isinstance(value, type) and value.__module__ == module.__name__ and hasattr(value, method)
 
@@ -187,7 +201,7 @@ def _file_module(path: Path, asked: str) -> ModuleType:
         content = path.read_bytes()
     except OSError as error:
         raise ConfigurationError(f"{asked}: cannot read {path}: {error.strerror}") from error
-    fingerprint = hashlib.sha256(str(path).encode() + content).hexdigest()[:16]
+    fingerprint = hashlib.sha256(os.fsencode(path) + content).hexdigest()[:16]
     name = f"hj_cosim_plugin_{path.stem}_{fingerprint}"
     if name in sys.modules:
         return sys.modules[name]

@@ -143,11 +143,13 @@ class StudyFolder:
             tables: the solved value tables of each `table_key` of the configurations, that of cars first.
         """
         jobs = []
+        program = read_study_file(self.path).program
         for cell, seed in self.design.episodes():
             folder = self.run_folder(cell, seed)
             if not is_complete(folder):
                 table, *larger = tables[table_key(cell.config)]
-                jobs.append(EpisodeJob(cell.config_of(seed), table, folder, self.request.keep, tuple(larger)))
+                config, keep = cell.config_of(seed), self.request.keep
+                jobs.append(EpisodeJob(config, table, folder, keep, tuple(larger), program))
         return jobs
 
     def is_finished(self) -> bool:

@@ -1,7 +1,7 @@
 """What workers do: one episode a job, its folder written whole or not at all; engines differ in where they do it."""
 
-from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -20,6 +20,7 @@ class EpisodeJob:
     folder: Path  # where the run folder appears when the episode is done
     keep: Keep = "all"
     larger: tuple[KeptTable, ...] = ()  # those of larger size classes that are met, likewise
+    program: Mapping[str, str] = field(default_factory=dict)  # the versions that study.toml has
 
 
 def table_key(config: EpisodeConfig) -> str:

@@ -5,7 +5,6 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
-from importlib.metadata import version
 from itertools import count
 from os import PathLike
 from pathlib import Path
@@ -13,7 +12,6 @@ from typing import Any
 
 import pandas as pd
 
-from hj_cosim import __version__
 from hj_cosim.control.belief.believing_filter import WORST_TABLE
 from hj_cosim.errors import ConfigurationError, RunFolderError
 from hj_cosim.locations import given_path, runs_folder
@@ -39,6 +37,7 @@ from hj_cosim.study.figures import draw_figures
 from hj_cosim.study.folder import Failure, StudyFolder
 from hj_cosim.study.jobs import Engine, EpisodeFunction, EpisodeJob
 from hj_cosim.study.onlooker import Onlooker
+from hj_cosim.study.program import program_of
 from hj_cosim.study.request import Texts, given_fields, new_study, resumed_study
 from hj_cosim.study.results import is_complete, read_result
 from hj_cosim.study.stacks import Stack
@@ -182,7 +181,8 @@ def run_study(
         for key, config in sorted(driven.items())
     }
     believing = {cell.config.robot for cell in folder.design.cells if cell.config.filter.priority == "belief"}
-    folder.begin(_program(kept, [kept_table(WORST_TABLE, robot) for robot in believing]), resume=resume)
+    against_suspects = [kept_table(WORST_TABLE, robot) for robot in believing]
+    folder.begin(program_of(folder.design, kept, against_suspects), resume=resume)
     if folder.is_finished():
         return read_study(folder.path)
     for config in driven.values():
@@ -205,14 +205,6 @@ def _study_folder(out: Path | None, given: Mapping[str, Any], *, resume: bool) -
     request = new_study(given)
     folder = StudyFolder.of(out or Path(), request)
     return folder if out is not None else StudyFolder(new_study_folder(folder.design), request, folder.design)
-
-
-def _program(tables: Mapping[str, Sequence[KeptTable]], against_suspects: Sequence[KeptTable]) -> dict[str, str]:
-    """Return the version of everything that an episode depends on besides its configuration."""
-    program = {"hj-cosim": __version__, "libsumo": version("libsumo")}
-    if against_suspects:
-        program[f"table {WORST_TABLE} of suspects"] = " ".join(sorted(one.identity for one in against_suspects))
-    return program | {f"table {name}": " ".join(one.identity for one in kept) for name, kept in tables.items()}
 
 
 def new_study_folder(design: StudyDesign) -> Path:

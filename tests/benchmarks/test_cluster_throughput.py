@@ -14,6 +14,7 @@ import psutil
 import pytest
 from loopback_cluster import LoopbackCluster
 
+from hj_cosim import __version__
 from hj_cosim.reachability.table.store import kept_table
 from hj_cosim.study.cluster import DaskCluster
 from hj_cosim.study.folder import StudyFolder
@@ -46,6 +47,7 @@ def test_episodes_a_second_of_one_scheduler(tmp_path, monkeypatch, size):
         table = replace(kept_table("highway"), path=tmp_path / "table.npz")
         table.path.write_bytes(b"no episode here looks into it")
         folder = StudyFolder.of(tmp_path / "study", new_study({"episodes": EPISODES + 20, "stacks": ("hjop-spc-mi",)}))
+        folder.begin({"hj-cosim": __version__}, resume=False)
         jobs = folder.remaining_jobs(dict.fromkeys(folder.tables, (table,)))
         engine = DaskCluster(cluster.address)
         _carry_out(engine, jobs[:20], short_episodes.drive)  # imports what workers need

@@ -10,6 +10,7 @@ from typing import Any
 import libsumo
 import pytest
 
+from hj_cosim import __version__
 from hj_cosim.control.catalogue import make_filter
 from hj_cosim.cosim.configuration import resolve_config
 from hj_cosim.cosim.episode import Episode, drive, open_world, run_in_sumo, write_episode
@@ -40,7 +41,9 @@ def test_episodes_a_minute(benchmark, row, workers, tmp_path):
     rounds = iter(range(100))
 
     def drive_them() -> None:
-        jobs = StudyFolder.of(tmp_path / str(next(rounds)), request).remaining_jobs(table)
+        folder = StudyFolder.of(tmp_path / str(next(rounds)), request)
+        folder.begin({"hj-cosim": __version__}, resume=False)
+        jobs = folder.remaining_jobs(table)
         assert all(outcome.error is None for outcome in LocalWorkers(workers).run(jobs, drive_episode))
 
     benchmark.pedantic(drive_them, rounds=1, warmup_rounds=0)

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from hj_cosim.cosim.configuration import resolve_config
+from hj_cosim.cosim.plugin_versions import plugin_versions
 from hj_cosim.reachability.table.store import kept_table
 from hj_cosim.study.driving import drive_episode
 from hj_cosim.study.jobs import Engine, EpisodeJob
@@ -50,13 +51,13 @@ def test_workers_resolve_a_planner_of_one_s_own_and_one_that_fails_stops_its_epi
         "class Lost:\n    def plan(self, observation, previous):\n        return self.way\n"
     )
     settings = ["filter.kind=none", "simulation.duration=0.2", "simulation.settle_time=0.1"]
-    jobs = [
-        EpisodeJob(
-            resolve_config("light", flags={"planner": {"kind": f"mine.py:{name}"}}, assignments=settings),
-            kept_table(str(small_specification)),
-            tmp_path / name,
-        )
+    configs = {
+        name: resolve_config("light", flags={"planner": {"kind": f"mine.py:{name}"}}, assignments=settings)
         for name in ("Lost", "Keep")
+    }
+    table = kept_table(str(small_specification))
+    jobs = [
+        EpisodeJob(config, table, tmp_path / name, program=plugin_versions(config)) for name, config in configs.items()
     ]
     monkeypatch.chdir("/")  # a worker's own folder is not the one that the reference was written in
     errors = {outcome.job.folder.name: outcome.error for outcome in LocalWorkers(1).run(jobs, drive_episode)}

@@ -60,6 +60,7 @@ def workers(monkeypatch):
 @pytest.fixture
 def jobs(study_folder, tmp_path):
     folder = study_folder("study")
+    folder.begin({"hj-cosim": "1.0"}, resume=False)
     return folder.remaining_jobs(dict.fromkeys(folder.tables, (tmp_path / "table.npz",)))
 
 

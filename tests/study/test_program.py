@@ -3,11 +3,12 @@
 import pytest
 
 from hj_cosim.control.belief.believing_filter import WORST_TABLE
-from hj_cosim.errors import RunFolderError
+from hj_cosim.errors import PluginError, RunFolderError
 from hj_cosim.reachability.table.store import kept_table
 from hj_cosim.recording.study_files import read_study_file
 from hj_cosim.settings import robot_and_filter
 from hj_cosim.study import study
+from hj_cosim.study.driving import drive_episode
 
 ASKED = {"stacks": ["hjop-spc-mi"], "episodes": 1}
 OF_SUSPECTS = f"table {WORST_TABLE} of suspects"
@@ -46,3 +47,49 @@ def test_a_study_by_belief_is_not_resumed_with_another_table_against_the_worst(t
     monkeypatch.setattr(study, "kept_table", lambda _, robot: kept_table("highway_paper", robot))
     with pytest.raises(RunFolderError, match=rf"was begun with {OF_SUSPECTS}"):
         study.run_study(resume=True, out=tmp_path / "study")
+
+
+PLANNER = """
+from hj_cosim.planning.contract import IDLE, Plan
+
+class Keeper:
+    def plan(self, observation, previous):
+        return Plan(IDLE, previous)
+"""
+
+
+@pytest.fixture
+def asked_with(tmp_path):
+    """Return what a study by a planner of one's own asks for, and that planner's file."""
+    file = tmp_path / "mine.py"
+    file.write_text(PLANNER)
+    return {"stacks": [f"{file}:Keeper/none"], "episodes": 1, "out": tmp_path / "study"}, file
+
+
+def test_a_study_is_not_resumed_with_another_version_of_a_planner_of_ones_own(asked_with):
+    asked, file = asked_with
+    study.run_study("light", **asked)
+    study.run_study(resume=True, out=asked["out"])
+    file.write_text(PLANNER + "\n# changed\n")
+    with pytest.raises(
+        RunFolderError, match=rf"begun with planner {file}:Keeper [0-9a-f]{{12}}, this is [0-9a-f]{{12}}"
+    ):
+        study.run_study(resume=True, out=asked["out"])
+    file.write_text(PLANNER)
+    study.run_study(resume=True, out=asked["out"])
+
+
+def test_an_episode_is_not_driven_with_a_planner_that_changed_after_the_study_began(asked_with, monkeypatch):
+    asked, file = asked_with
+    begun = []
+    monkeypatch.setattr(study, "conduct", lambda folder, *_, tables, **__: begun.append(folder.remaining_jobs(tables)))
+    study.run_study("light", **asked)
+    ((job,),) = begun
+    assert f"planner {file}:Keeper" in job.program
+    file.write_text(PLANNER + "\n# changed\n")
+    with pytest.raises(PluginError, match="is not what it was when the study began"):
+        drive_episode(job)
+
+
+def test_ours_have_the_programs_version_and_none_of_their_own(tmp_path):
+    assert [name.split()[0] for name in begun(tmp_path / "study")] == ["hj-cosim", "libsumo", "table"]
