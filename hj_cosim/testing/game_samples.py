@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numba.core.errors import NumbaError
 
-from hj_cosim.reachability.games.contract import Game, compiler_says
+from hj_cosim.reachability.games.contract import FUNCTIONS, Game, compiler_says
 from hj_cosim.testing.expectations import ContractError, require
 
 SLABS, NODES = 24, 16
 OTHER_SLOPES = 12  # for which inputs are asked at each state: what they are is available there
 # Of float32 in sums whose terms cancel, relative to the terms.
 RELATIVE, ABSOLUTE = 3e-4, 1e-4
-FUNCTIONS = ("target", "flow", "hamiltonian", "dissipation", "optimal_inputs")
 # What output arrays hold before a function writes to them; no value of any game.
 _BEFORE = (np.float32(7.25e33), np.float32(-3.5e33))
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import importlib.util
+import os
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
@@ -11,6 +12,7 @@ from typing import Any
 
 from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import code_file
+from hj_cosim.plugin_answers import STRANGERS_ERRORS, named
 from hj_cosim.reachability.games import air3d, double_integrator
 from hj_cosim.reachability.games.contract import Game
 from hj_cosim.reachability.games.highway import game as highway
@@ -50,7 +52,7 @@ def find_game(name: str, folder: Path | None = None) -> Game:
     path = code_file(((folder or Path()) / Path(name).expanduser()).resolve())
     if not path.is_file():
         raise ConfigurationError(f"dynamics = {name!r}: there is no file {path}")
-    place = hashlib.sha256(str(path).encode()).hexdigest()[:16]  # two files of one name are two modules
+    place = hashlib.sha256(os.fsencode(path)).hexdigest()[:16]  # two files of one name are two modules
     module_name = f"hj_cosim_game_{path.stem}_{place}"
     specification = importlib.util.spec_from_file_location(module_name, path)
     if specification is None or specification.loader is None:
@@ -62,8 +64,8 @@ def find_game(name: str, folder: Path | None = None) -> Game:
         specification.loader.exec_module(module)
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {error}") from error
-    except (SyntaxError, ImportError, NameError, AttributeError, TypeError, ValueError) as error:
-        raise ConfigurationError(f"dynamics = {name!r}: {path} fails on import: {error}") from error
+    except STRANGERS_ERRORS as error:
+        raise ConfigurationError(f"dynamics = {name!r}: {path} fails on import: {named(error)}") from error
     game = getattr(module, "game", getattr(module, "dynamics", None))
     if not isinstance(game, Game):
         raise ConfigurationError(f"dynamics = {name!r}: {path} must define `game`, a Game")

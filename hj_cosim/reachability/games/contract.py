@@ -33,7 +33,7 @@ What else a game may have, and need not:
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numba import cfunc, njit, types
@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from hj_cosim.reachability.games.highway.target import TargetFormula
 
 Outside = Literal["safe", "clamp"]
+# The five that every game has.
+FUNCTIONS = ("target", "flow", "hamiltonian", "dissipation", "optimal_inputs")
 StateFunction = Callable[..., None]
 # States (K, n) and gradients (K, n) to coefficients and c, (controls + 1, K).
 HalfPlanes = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -154,6 +156,24 @@ class Game:
                 raise ConfigurationError(
                     f"game {self.name}: {fact} has {len(getattr(self, fact))} entries; the state has {self.dimension}:"
                     f" {', '.join(self.state)}"
+                )
+            allowed: tuple[object, ...] = {
+                "boundary": get_args(Boundary),
+                "outside": get_args(Outside),
+                "limited": (False, True),
+            }[fact]
+            for entry in getattr(self, fact):
+                if entry not in allowed:
+                    raise ConfigurationError(
+                        f"game {self.name}: {fact} has the entry {entry!r}; choose {' or '.join(map(repr, allowed))}"
+                    )
+        for name in FUNCTIONS:
+            if not callable(getattr(self, name)):
+                raise ConfigurationError(f"game {self.name}: {name} is no function, but {getattr(self, name)!r}")
+        for axis in self.mirrored_axes:
+            if axis not in range(self.dimension):
+                raise ConfigurationError(
+                    f"game {self.name}: mirrored_axes has {axis!r}; its axes are 0 to {self.dimension - 1}"
                 )
         for named in (*self.angles, *self.drawn_at):
             if named not in self.state:
@@ -277,9 +297,13 @@ def pointer(function: StateFunction, signature: Any) -> Any:
     """Return such a function as a C function that the kernel can be given.
 
     Raises:
-        ConfigurationError: if it does not compile for this signature.
+        ConfigurationError: if it does not compile for this signature, or takes more or fewer arguments.
     """
     source = getattr(function, "py_func", function)
+    takes, needed = source.__code__.co_argcount, len(signature.args)
+    if takes != needed:
+        place = f"{source.__code__.co_filename}:{source.__code__.co_firstlineno}"
+        raise ConfigurationError(f"{place}: {source.__name__} takes {takes} arguments; the solver gives it {needed}")
     try:
         return cfunc(signature, cache=True, fastmath=FLOATING_POINT, error_model="numpy")(source)
     except NumbaError as error:

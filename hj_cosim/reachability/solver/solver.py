@@ -19,8 +19,9 @@ from itertools import pairwise
 import numba
 import numpy as np
 
-from hj_cosim.errors import TableError
+from hj_cosim.errors import ConfigurationError, TableError
 from hj_cosim.reachability.games.contract import DISSIPATION, HAMILTONIAN, TARGET, Game, pointer
+from hj_cosim.reachability.games.trial import require_sound
 from hj_cosim.reachability.grid import Grid
 from hj_cosim.reachability.solver import kernel
 from hj_cosim.reachability.solver.layout import lay_out
@@ -71,6 +72,9 @@ class Problem:
         self.runge_kutta = specification.runge_kutta or scheme.runge_kutta
         self.layout = layout = lay_out(game, grid, scheme.radius)
         self.parameters = game.parameter_values(specification.parameters, source)
+        limits = state_limits(game, grid, specification.state_limits)
+        if specification.dynamics.endswith(".py"):
+            require_sound(game, grid, self.parameters, limits, source)
         self.target = pointer(game.target, TARGET)
         dissipation = pointer(game.dissipation, DISSIPATION)
         # What the kernels take, in their order.
@@ -84,9 +88,14 @@ class Problem:
             pointer(game.hamiltonian, HAMILTONIAN),
             dissipation,
             self.parameters,
-            state_limits(game, grid, specification.state_limits),
+            limits,
         )
         speed = kernel.largest_speed(*self.nodes, layout.inverse_spacing, dissipation, self.parameters)
+        if not 0.0 < speed < math.inf:
+            raise ConfigurationError(
+                f"{source}: the game's dissipation comes to {speed:g} on this grid; it bounds |∂H/∂p|, how fast V"
+                " travels, and must be finite and above 0 somewhere"
+            )
         self.time_step = specification.cfl / speed
 
 
@@ -124,7 +133,7 @@ def solve(
 
     Raises:
         TableError: if the values stop being finite.
-        ConfigurationError: if parameters are not the game's.
+        ConfigurationError: if parameters are not the game's, or a game of one's own is not what the solver can take.
     """
     began = time.perf_counter()
     grid = Grid.from_settings(specification.grid, game.boundary)
