@@ -36,8 +36,17 @@ def tables_folder() -> Path:
 
 
 def runs_folder() -> Path:
-    """Return the folder that runs write to unless told otherwise: `runs/` in a clone, else `./runs`."""
-    return _CLONE / "runs" if _in_clone() and Path.cwd().is_relative_to(_CLONE) else Path.cwd() / "runs"
+    """Return the folder that runs write to unless told otherwise: `runs/` in a clone, else `./runs`.
+
+    Raises:
+        ConfigurationError: if the current folder has been removed, or has a name that cannot be written down.
+    """
+    try:
+        here = Path.cwd()
+    except FileNotFoundError as error:
+        raise ConfigurationError("the current folder has been removed; change to one that is there") from error
+    _require_text(here, "the current folder:")
+    return _CLONE / "runs" if _in_clone() and here.is_relative_to(_CLONE) else here / "runs"
 
 
 def names_in(folder: Path) -> list[str]:
@@ -66,7 +75,23 @@ def given_path(place: object, what: str) -> Path:
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
             raise ConfigurationError(f"{what}: {_beginning(str(path))} is too long a name for a file") from error
+    _require_text(path, f"{what}:")
     return path
+
+
+def _require_text(path: Path, what: str) -> None:
+    """Check that a path can be written down, as runs and studies do with what they were made from.
+
+    Raises:
+        ConfigurationError: if its name is bytes that are no UTF-8.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        shown = _beginning(str(path).encode(errors="backslashreplace").decode())
+        raise ConfigurationError(
+            f"{what} the name {shown} is not UTF-8, so that no text file can hold it; rename it"
+        ) from error
 
 
 def whole_path(text: str, what: str) -> str:
@@ -80,9 +105,11 @@ def whole_path(text: str, what: str) -> str:
         ConfigurationError: if it is no path that a file can have.
     """
     try:
-        return str(Path(text).expanduser().resolve())
+        path = Path(text).expanduser().resolve()
     except (OSError, RuntimeError, ValueError) as error:  # too long, of an unknown user, with a null byte
         raise ConfigurationError(f"{what} {_beginning(repr(text))}: no file has such a path") from error
+    _require_text(path, what)
+    return str(path)
 
 
 def whole_name(name: str, what: str) -> str:

@@ -3,7 +3,6 @@
 The loop that drives knows nothing of pictures; here the two meet.
 """
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -15,14 +14,13 @@ from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.cosim.configuration import resolve_config, stack_flags
 from hj_cosim.cosim.episode import Episode, Progress, Watch, run_in_sumo, write_episode
 from hj_cosim.cosim.repetition import Repetition, is_run_configuration, repetition
-from hj_cosim.files import file_name
-from hj_cosim.locations import given_path, runs_folder
+from hj_cosim.locations import given_path
 from hj_cosim.planning.contract import Planner
 from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
 from hj_cosim.reachability.table.size_classes import classes_met
 from hj_cosim.reachability.table.sized import kept_tables, load_tables
 from hj_cosim.reachability.table.store import load_table
-from hj_cosim.recording.run_folder import require_free_folder
+from hj_cosim.recording.run_folder import new_folder, require_free_folder
 from hj_cosim.rehearsal import can_be_rehearsed, rehearsed
 from hj_cosim.settings import EpisodeConfig, Scenario, overlay
 from hj_cosim.traffic.sources.scenarios import scenario_data, scenario_path
@@ -42,12 +40,10 @@ class EpisodeProgress:
 def new_run_folder(config: EpisodeConfig) -> Path:
     """Return a folder that does not exist yet, in runs/, named for the scenario, the stack and the seed."""
     stack = (plugin_name(config.planner.kind), plugin_name(config.filter.kind))
-    parts = [file_name(part) for part in (config.scenario.name, *stack)]
+    parts = [config.scenario.name, *stack]
     if config.filter.kind != "none":
         parts.append(config.filter.scheme)
-    name = "-".join([*parts, str(config.seed)])
-    folders = (runs_folder() / (name if attempt == 1 else f"{name}-{attempt}") for attempt in itertools.count(1))
-    return next(folder for folder in folders if not folder.exists())
+    return new_folder("-".join([*parts, str(config.seed)]))
 
 
 def _given(**values: object) -> dict[str, object]:

@@ -1,5 +1,7 @@
 """Names and paths: what a user calls a thing, and where it lies."""
 
+import os
+
 import pytest
 
 from hj_cosim import locations
@@ -36,3 +38,18 @@ def test_a_path_is_whole_and_a_name_stays_one(tmp_path, monkeypatch):
 def test_outside_a_clone_runs_go_to_the_current_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert locations.runs_folder() == tmp_path / "runs"
+
+
+def test_a_folder_that_has_been_removed_and_a_name_that_no_text_file_holds_are_said(tmp_path, monkeypatch):
+    odd = tmp_path / os.fsdecode(b"ab\xff")
+    odd.mkdir()
+    sentence = r"ab\\udcff.* is not UTF-8, so that no text file can hold it; rename it"
+    for asked in (lambda: locations.given_path(odd, "out"), lambda: locations.whole_path(str(odd), "the file")):
+        with pytest.raises(ConfigurationError, match=sentence):
+            asked()
+    monkeypatch.chdir(odd)
+    with pytest.raises(ConfigurationError, match=sentence):
+        locations.runs_folder()
+    odd.rmdir()
+    with pytest.raises(ConfigurationError, match="the current folder has been removed; change to one that is there"):
+        locations.runs_folder()

@@ -3,6 +3,7 @@
 The library is imported inside the commands, so that `--help` and mistakes are answered at once.
 """
 
+import io
 import sys
 
 from rich.markup import escape
@@ -21,6 +22,9 @@ from hj_cosim.errors import HjCosimError
 
 def main() -> None:
     """Run the command line; what a user got wrong ends in one sentence and exit status 2, Ctrl-C in 130."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal or a pipe that cannot show a letter is told '?'
+            stream.reconfigure(errors="replace")
     try:
         app()
     except HjCosimError as error:

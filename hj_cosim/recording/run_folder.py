@@ -7,6 +7,7 @@ compression are fixed, and what depends on the time or the machine is in timing.
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
+from itertools import count
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
@@ -16,8 +17,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from hj_cosim.errors import ConfigurationError, HjCosimError, RunFolderError
-from hj_cosim.files import naming_the_place, remove_abandoned, require_writable, temporary_folder
-from hj_cosim.locations import given_path
+from hj_cosim.files import file_name, naming_the_place, remove_abandoned, require_writable, temporary_folder
+from hj_cosim.locations import given_path, runs_folder
 from hj_cosim.recording import trajectories
 from hj_cosim.recording.beliefs import BeliefTrack
 from hj_cosim.recording.car_rows import fill
@@ -160,6 +161,13 @@ def write_run(
         if notes is not None:
             (temporary / NOTES).write_text(notes, encoding="utf-8")
         (temporary / FIGURES).mkdir()
+
+
+def new_folder(name: str) -> Path:
+    """Return a folder that does not exist yet, in runs/, with a name from anybody, or a number after it."""
+    names = (name if attempt == 1 else f"{name}-{attempt}" for attempt in count(1))
+    folders = (runs_folder() / file_name(each) for each in names)
+    return next(folder for folder in folders if not folder.exists())
 
 
 def write_trajectories(path: Path, record: RunRecord) -> None:

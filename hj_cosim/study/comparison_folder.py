@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import count
 from os import PathLike
 from pathlib import Path
 
@@ -11,9 +10,8 @@ import pandas as pd
 from hj_cosim.analysis.comparison_page import ComparedRows, comparison_page
 from hj_cosim.analysis.figures.side_by_side import side_by_side
 from hj_cosim.analysis.figures.style import save_drawing
-from hj_cosim.files import file_name
-from hj_cosim.locations import given_path, runs_folder
-from hj_cosim.recording.run_folder import read_run, require_free_folder, whole_folder
+from hj_cosim.locations import given_path
+from hj_cosim.recording.run_folder import new_folder, read_run, require_free_folder, whole_folder
 from hj_cosim.recording.trajectories import TRAJECTORIES
 from hj_cosim.study.comparison import Group, differing_settings, groups_of, shown_runs
 from hj_cosim.study.tables import write_csv
@@ -67,6 +65,4 @@ def compare(folders: Sequence[PathLike[str] | str], out: PathLike[str] | str | N
 
 def _new_folder(folders: Sequence[PathLike[str] | str]) -> Path:
     """Return a folder that does not exist yet, in runs/, named for what is compared."""
-    name = file_name("-".join(["compare", *(Path(folder).name for folder in folders)]))
-    places = (runs_folder() / (name if attempt == 1 else f"{name}-{attempt}") for attempt in count(1))
-    return next(place for place in places if not place.exists())
+    return new_folder("-".join(["compare", *(Path(folder).name for folder in folders)]))

@@ -5,7 +5,6 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
-from itertools import count
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,11 @@ import pandas as pd
 
 from hj_cosim.control.belief.believing_filter import WORST_TABLE
 from hj_cosim.errors import ConfigurationError, RunFolderError
-from hj_cosim.locations import given_path, runs_folder
+from hj_cosim.locations import given_path
 from hj_cosim.reachability.table.size_classes import classes_met
 from hj_cosim.reachability.table.sized import kept_tables, load_tables
 from hj_cosim.reachability.table.store import KeptTable, kept_table, load_table
+from hj_cosim.recording.run_folder import new_folder
 from hj_cosim.recording.study_files import (
     CLAIMS_TABLE,
     COMPARISON,
@@ -210,9 +210,7 @@ def _study_folder(out: Path | None, given: Mapping[str, Any], *, resume: bool) -
 def new_study_folder(design: StudyDesign) -> Path:
     """Return a folder that does not exist yet, in runs/, named for the scenarios and the first seed."""
     scenarios = "-".join(dict.fromkeys(cell.scenario for cell in design.cells))
-    name = f"study-{scenarios}-{design.seeds[0]}"
-    folders = (runs_folder() / (name if attempt == 1 else f"{name}-{attempt}") for attempt in count(1))
-    return next(folder for folder in folders if not folder.exists())
+    return new_folder(f"study-{scenarios}-{design.seeds[0]}")
 
 
 def conduct(

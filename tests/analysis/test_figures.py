@@ -15,8 +15,9 @@ from hj_cosim.analysis.figures.gallery import draw_figure
 from hj_cosim.analysis.figures.highway import highway
 from hj_cosim.analysis.figures.planner_comparison import SQUEEZE, planner_comparison
 from hj_cosim.analysis.figures.schematic import BOXED_IN, boxed_in
+from hj_cosim.analysis.figures.side_by_side import side_by_side
 from hj_cosim.analysis.figures.snapshots import SNAPSHOTS, snapshots
-from hj_cosim.analysis.figures.style import Drawing, columns_of, save_drawing
+from hj_cosim.analysis.figures.style import PAGE, Drawing, columns_of, save_drawing
 from hj_cosim.analysis.figures.sweep import density_sweep
 from hj_cosim.analysis.figures.target_sets import target_sets
 from hj_cosim.analysis.figures.timeline import timeline
@@ -278,3 +279,13 @@ def test_a_picture_takes_the_place_of_nothing_that_a_study_found(run, tmp_path):
             save_drawing(timeline(run), tmp_path / name)
     assert {each.name for each in tmp_path.iterdir()} == {"study.toml", "table.csv"}
     assert (tmp_path / "table.csv").read_text() == "found"
+
+
+@pytest.mark.parametrize(("slower", "message"), [(0.0, "Mean speed is 2"), (1.0, "one is fastest, at 2")])
+def test_drives_that_meet_nobody_are_drawn_side_by_side_and_say_so(run, slower, message):
+    run.record.robot.value[:] = np.inf
+    other = replace(run.record, robot=replace(run.record.robot, speed=run.record.robot.speed - slower))
+    drawing = side_by_side({"one": run, "two": replace(run, record=other)}, PAGE)
+    said = drawing.figure.get_suptitle().replace("\n", " ")
+    assert said.startswith(message)
+    assert said.endswith("no car comes near enough to have a value")

@@ -1,6 +1,9 @@
 """What the terminal lists: complete as JSON, and whole at any width."""
 
 import json
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -62,3 +65,13 @@ def test_bars_are_quiet_where_messages_go_to_no_terminal(capsys):
     with console.progress_bars() as bars:
         console.bar(bars, "driving")(1, 2)
     assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252", "utf-8"])
+def test_a_terminal_that_cannot_show_every_letter_is_shown_the_others(encoding):
+    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    listed = subprocess.run(
+        [sys.executable, "-m", "hj_cosim", "metrics"], env=environment, capture_output=True, check=True, timeout=60
+    )
+    assert b"ttc_p1" in listed.stdout
+    assert (b"?" in listed.stdout) == (encoding != "utf-8")

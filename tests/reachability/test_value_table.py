@@ -139,7 +139,8 @@ def test_a_wrong_grid_is_refused_in_a_sentence(specification_file: Path, wrong: 
 
 
 def test_a_user_game_that_does_not_compile_is_refused_in_a_sentence(tmp_path: Path) -> None:
-    (tmp_path / "walker.py").write_text(USER_DYNAMICS.replace("c[0] * abs(p[0, i])", "float(format(c[0], \".3f\")) * abs(p[0, i])"))
+    slope = "c[0] * abs(p[0, i])"
+    (tmp_path / "walker.py").write_text(USER_DYNAMICS.replace(slope, f"float(format(c[0], '.3f')) * {slope}"))
     (tmp_path / "walker.toml").write_text(SPECIFICATION.replace('"double_integrator"', '"walker.py"'))
     with pytest.raises(ConfigurationError, match="hamiltonian does not compile"):
         load_table(str(tmp_path / "walker.toml"))

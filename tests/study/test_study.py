@@ -1,6 +1,7 @@
 import importlib
 import re
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -355,6 +356,8 @@ def test_new_studies_get_folders_of_their_own(design, monkeypatch, tmp_path):
     assert first == tmp_path / "runs" / "study-paper-0"
     first.mkdir(parents=True)
     assert new_study_folder(design) == tmp_path / "runs" / "study-paper-0-2"
+    led_away = replace(design, cells=[replace(cell, scenario="x/../../../zz") for cell in design.cells])
+    assert new_study_folder(led_away).parent == tmp_path / "runs"
 
 
 def test_a_table_of_many_metrics_is_read_in_one_piece_that_pandas_does_not_warn_of(tmp_path):

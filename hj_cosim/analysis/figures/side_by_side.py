@@ -54,13 +54,16 @@ def side_by_side(runs: Mapping[str, Run], width: int = style.PAGE) -> style.Draw
 def _message(data: pd.DataFrame) -> str:
     """Return who is fastest and who comes nearest to V = 0, as a sentence."""
     speeds, least = data.groupby("run", sort=False).speed.mean(), data.groupby("run", sort=False).value.min()
-    if len(speeds) == 1 or speeds.round(2).nunique() == 1:
-        return f"Mean speed is {speeds.iloc[0]:.2f} m/s in all runs; V falls to {least.min():.1f} m at the least"
+    same_speed = speeds.round(2).nunique() == 1
     fastest, nearest = str(speeds.idxmax()).replace("$", r"\$"), str(least.idxmin()).replace("$", r"\$")
-    return (
-        f"{fastest} is fastest, at {speeds.max():.2f} m/s in the mean; V falls lowest in {nearest}, to"
-        f" {least.min():.1f} m"
-    )
+    speed = f"{fastest} is fastest, at {speeds.max():.2f} m/s in the mean"
+    if same_speed:
+        speed = f"Mean speed is {speeds.iloc[0]:.2f} m/s in all runs"
+    if not np.isfinite(least).any():
+        return f"{speed}; no car comes near enough to have a value"
+    if same_speed:
+        return f"{speed}; V falls to {least.min():.1f} m at the least"
+    return f"{speed}; V falls lowest in {nearest}, to {least.min():.1f} m"
 
 
 def _columns(label: str, run: Run) -> pd.DataFrame:
@@ -81,8 +84,9 @@ def _columns(label: str, run: Run) -> pd.DataFrame:
 
 def _label_panels(panels: np.ndarray, data: pd.DataFrame) -> None:
     panels[0].set_ylabel("speed (m/s)")
-    finite = data.value[np.isfinite(data.value)]
-    lowest, highest = min(finite.min(), -2.0), max(finite.max(), 12.0)
+    finite = data.value[np.isfinite(data.value)]  # none where no car comes near enough to have a value
+    lowest, highest = finite.min(), finite.max()
+    lowest, highest = (min(lowest, -2.0), max(highest, 12.0)) if len(finite) else (-2.0, 12.0)
     panels[1].set_yscale("symlog", linthresh=10.0)
     ticks = [tick for tick in VALUE_TICKS if 1.2 * lowest <= tick <= 1.2 * highest]
     panels[1].set_yticks(ticks, [f"{tick:g}" for tick in ticks])
