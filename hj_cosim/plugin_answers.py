@@ -21,7 +21,7 @@ from hj_cosim.errors import HjCosimError, PluginError
 # s; an answer that took longer ends the episode. What has to be compiled can be so in `prepare`, which may take longer.
 SLOWEST_ANSWER = 10.0
 # What a stranger's code may end with, that a sentence is made of; Ctrl-C is not among it.
-STRANGERS_ERRORS = (Exception, SystemExit)
+STRANGERS_ERRORS = (Exception, SystemExit, GeneratorExit)
 _LONGEST_QUOTE = 60  # characters
 
 
@@ -45,6 +45,8 @@ def called(plugin: object, method: str, *arguments: Any, watched: Iterable[Any] 
         raise
     except STRANGERS_ERRORS as error:
         raise failure(plugin, method, error) from error
+    if inspect.iscoroutine(answer):
+        answer.close()  # of an `async def`, which is refused as any other wrong answer; nobody awaits it
     _require_unchanged(plugin, method, handed)
     return answer
 
@@ -87,8 +89,16 @@ def wrong_answer(plugin: object, method: str, what: str) -> PluginError:
 
 
 def is_number(value: object) -> bool:
-    """Return whether an answer is one number, finite or not, of Python's or NumPy's."""
-    return isinstance(value, (float, int, Real))  # Real alone, an abstract class, takes ten times as long
+    """Return whether an answer is one number, finite or not, of Python's or NumPy's, and no larger than floats go."""
+    if isinstance(value, float):
+        return True
+    if not isinstance(value, (int, Real)):  # Real alone, an abstract class, takes ten times as long
+        return False
+    try:
+        float(value)
+    except OverflowError:
+        return False
+    return True
 
 
 def _require_quick(plugin: object, method: str, seconds: float) -> None:

@@ -110,23 +110,25 @@ def run_episode(
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
     tell = progress if isinstance(progress, EpisodeProgress) else EpisodeProgress(progress)
     folder = out(config) if callable(out) else None if out is None else given_path(out, "out")
-    if folder is not None:
-        require_free_folder(folder)
+    # A plug-in may change the current folder.
+    place = None if folder is None else folder.absolute()
+    if place is not None:
+        require_free_folder(place)
     sizes = classes_met(config.scenario.bodies)
     is_first = not all(kept.is_solved for kept in kept_tables(config.table, config.robot, sizes))
     with rehearsed(config) if is_first and can_be_rehearsed(config) else nullcontext():
         value_table = load_tables(config.table, sizes, tell.solving, robot=config.robot, announce=tell.announce)
     if config.filter.priority == "belief":
         load_table(WORST_TABLE, tell.solving, robot=config.robot, announce=tell.announce)
-    episode = run_in_sumo(config, value_table, tell.driving, tell.announce, folder, tell.watch)
-    if folder is None:
+    episode = run_in_sumo(config, value_table, tell.driving, tell.announce, place, tell.watch)
+    if place is None:
         return episode
-    write_episode(episode, folder)
+    write_episode(episode, place)
     if figures:
         # Matplotlib takes longer to import than an episode to drive: only who draws pays for it.
         from hj_cosim.analysis.run_figures import draw_run
 
-        draw_run(folder, tell.drawing)
+        draw_run(place, tell.drawing)
     return replace(episode, folder=folder)
 
 

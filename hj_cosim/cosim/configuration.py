@@ -8,7 +8,7 @@ import tomli_w
 
 from hj_cosim.cosim.motion import require_bends
 from hj_cosim.cosim.repetition import is_run_configuration, require_nothing_foreign
-from hj_cosim.errors import ConfigurationError
+from hj_cosim.errors import ConfigurationError, NetworkError
 from hj_cosim.locations import scenarios_folder, whole_name
 from hj_cosim.plugins import FILTER, PLANNER, find_plugin, options_of, whole_reference
 from hj_cosim.settings import (
@@ -24,6 +24,7 @@ from hj_cosim.settings import (
     shown,
     validate,
 )
+from hj_cosim.traffic.net_graph import read_graph, shortest_route
 from hj_cosim.traffic.rogues.catalogue import BEHAVIOUR
 from hj_cosim.traffic.route import read_network
 from hj_cosim.traffic.sources.placement import initial_traffic
@@ -190,6 +191,11 @@ def _require_room(config: EpisodeConfig) -> None:
     road, _ = read_network(path, network)
     require_bends(road, config.robot, str(path))
     initial_traffic(config.scenario, road, config.robot, config.seed)
+    for number, stream in enumerate(config.scenario.streams):
+        try:
+            shortest_route(read_graph(path), stream.from_edge, stream.to_edge)
+        except NetworkError as error:
+            raise NetworkError(f"scenario.streams, number {number + 1}: {error}") from error
 
 
 def stack_flags(

@@ -19,6 +19,7 @@ from hj_cosim.control.problem.safety_problem import FAILED
 from hj_cosim.control.spc.filter import ESCAPED, HAD_NO_ESCAPE, WAS_CAUGHT, WAS_EVADED, SafetyPreservingFilter
 from hj_cosim.control.tracking import eased, tracking_control
 from hj_cosim.cosim.configuration import config_toml
+from hj_cosim.cosim.global_random import global_random_of
 from hj_cosim.cosim.motion import in_existing_lane, moved, yaw_rate
 from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.errors import DriveEnded, SimulationError
@@ -261,7 +262,7 @@ def run_in_sumo(
     """
     require_robot(table, config.robot)
     started = time.perf_counter()
-    with open_world(config, table) as world:
+    with open_world(config, table) as world, global_random_of(config.seed):
         if isinstance(world, OwnWorld):
             if announce is not None:
                 announce(world.told)

@@ -145,7 +145,7 @@ class StudyFolder:
         jobs = []
         program = read_study_file(self.path).program
         for cell, seed in self.design.episodes():
-            folder = self.run_folder(cell, seed)
+            folder = self.run_folder(cell, seed).absolute()  # a plug-in may change the current folder
             if not is_complete(folder):
                 table, *larger = tables[table_key(cell.config)]
                 config, keep = cell.config_of(seed), self.request.keep
@@ -165,7 +165,7 @@ class StudyFolder:
 
     def keep_log(self, outcome: Outcome) -> Failure:
         """Write the log of an episode that failed, and return what is known of it."""
-        place = outcome.job.folder.relative_to(self.path / EPISODES)
+        place = outcome.job.folder.relative_to((self.path / EPISODES).absolute())
         log = self.path / FAILURES / place.parent / f"{place.name}.log"
         with whole_file(log) as temporary:
             temporary.write_text(f"{outcome.error}\n\n{outcome.log}", encoding="utf-8")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from hj_cosim.cosim.configuration import config_toml, resolve_config, stack_flags
-from hj_cosim.errors import ConfigurationError
+from hj_cosim.errors import ConfigurationError, NetworkError
 from hj_cosim.reachability.table.store import find_specification, for_pair, read_specification
 from hj_cosim.settings import Scenario
-from hj_cosim.traffic.sources.scenarios import load_scenario
+from hj_cosim.traffic.sources.scenarios import load_scenario, scenario_data
 
 
 @pytest.fixture
@@ -166,3 +166,12 @@ def test_a_planner_brings_its_period_unless_a_layer_says_another():
     assert mppi.simulation.plan_period == 0.1
     given = resolve_config(flags=stack_flags(planner="mppi"), assignments=["simulation.plan_period=0.5"])
     assert given.simulation.plan_period == 0.5
+
+
+def test_a_stream_that_no_way_leads_along_is_refused_before_the_drive():
+    scenario = scenario_data("ramps")
+    wrong = [*scenario["streams"], {"from_edge": "m0", "to_edge": "on_1", "flow": 100.0}]
+    with pytest.raises(
+        NetworkError, match=r"scenario.streams, number 6: .*no route leads from edge 'm0' to edge 'on_1'"
+    ):
+        resolve_config({**scenario, "streams": wrong})

@@ -205,6 +205,10 @@ def test_numbers_of_numpy_in_a_plan_become_pythons_and_compile_nothing_anew(smal
 NO_DECISIONS = {
     "raised KeyError: 'row'": lambda seen, values, desired: {}["row"],
     "raised SystemExit: 5": lambda seen, values, desired: sys.exit(5),
+    "raised GeneratorExit": lambda seen, values, desired: (_ for _ in ()).throw(GeneratorExit),
+    "returned FilterDecision(control=Control(omega=10000": lambda seen, values, desired: FilterDecision(
+        Control(10**400, 1.0)
+    ),
     "returned namespace(control": lambda seen, values, desired: SimpleNamespace(
         control=desired, slack=0.0, constraints=0, diagnostics={}, belief=None
     ),
