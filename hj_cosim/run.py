@@ -14,6 +14,7 @@ from hj_cosim.control.contract import SafetyFilter
 from hj_cosim.cosim.configuration import resolve_config, stack_flags
 from hj_cosim.cosim.episode import Episode, Progress, Watch, run_in_sumo, write_episode
 from hj_cosim.cosim.repetition import Repetition, is_run_configuration, repetition
+from hj_cosim.errors import ConfigurationError
 from hj_cosim.locations import given_path
 from hj_cosim.planning.contract import Planner
 from hj_cosim.plugins import FILTER, PLANNER, given, plugin_name
@@ -22,7 +23,7 @@ from hj_cosim.reachability.table.sized import kept_tables, load_tables
 from hj_cosim.reachability.table.store import load_table
 from hj_cosim.recording.run_folder import new_folder, require_free_folder
 from hj_cosim.rehearsal import can_be_rehearsed, rehearsed
-from hj_cosim.settings import EpisodeConfig, Scenario, overlay
+from hj_cosim.settings import EpisodeConfig, Scenario, overlay, shown
 from hj_cosim.traffic.sources.scenarios import scenario_data, scenario_path
 
 
@@ -108,6 +109,8 @@ def run_episode(
     if record is not None:
         flags = overlay(flags, {"recording": {"cars": record}})
     config = resolve_config(scenario, preset=preset, flags=flags, assignments=settings)
+    if not (progress is None or callable(progress) or isinstance(progress, EpisodeProgress)):
+        raise ConfigurationError(f"progress: {shown(repr(progress))} is no function of what is done and what there is")
     tell = progress if isinstance(progress, EpisodeProgress) else EpisodeProgress(progress)
     folder = out(config) if callable(out) else None if out is None else given_path(out, "out")
     # A plug-in may change the current folder.

@@ -18,7 +18,9 @@ def scenarios(
     """List the scenarios, their roads and densities."""
     from hj_cosim.traffic.sources.catalogue import list_scenarios, scenario_schema, scenario_template
 
-    if template:
+    if template and as_json:
+        print_json({"template": scenario_template()})
+    elif template:
         print(scenario_template(), end="")
     elif schema:
         print_json(scenario_schema())

@@ -1,6 +1,7 @@
 """What an episode runs with, resolved: defaults < preset < scenario file < flags < --set."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from hj_cosim.cosim.motion import require_bends
 from hj_cosim.cosim.repetition import is_run_configuration, require_nothing_foreign
 from hj_cosim.errors import ConfigurationError, NetworkError
 from hj_cosim.locations import scenarios_folder, whole_name
-from hj_cosim.plugins import FILTER, PLANNER, find_plugin, options_of, whole_reference
+from hj_cosim.plugins import FILTER, PLANNER, PluginKind, find_plugin, options_of, whole_reference
 from hj_cosim.settings import (
     MIXED,
     PRESETS,
@@ -61,7 +62,7 @@ def resolve_config(
     """
     if preset is not None and (not isinstance(preset, str) or preset not in PRESETS):
         raise ConfigurationError(f"no preset is called {shown(repr(preset))}; choose one of {', '.join(PRESETS)}")
-    layers = [("the command line", flags or {})]
+    layers = [("the options", flags or {})]
     layers += [(f"--set {shown(text)}", parse_assignment(text)) for text in assignment_texts(assignments)]
     layers += [(f"--vary {shown(text)}", parse_assignment(text, "--vary")) for text in varied]
     for _, layer in layers:
@@ -162,10 +163,10 @@ def _with_behaviours(scenario: Scenario) -> Scenario:
         ConfigurationError, PluginError: if there is no such behaviour, or its options are wrong.
     """
 
-    def whole(reference: str) -> str:
+    def whole(reference: str, kind: PluginKind = BEHAVIOUR) -> str:
         if reference != MIXED:
-            reference = whole_reference(BEHAVIOUR, reference)
-            find_plugin(BEHAVIOUR, reference)
+            reference = whole_reference(kind, reference)
+            find_plugin(kind, reference)
         return reference
 
     rogues = scenario.rogues
@@ -173,7 +174,8 @@ def _with_behaviours(scenario: Scenario) -> Scenario:
     if rogues.behaviour != MIXED:
         options = options_of(BEHAVIOUR, find_plugin(BEHAVIOUR, changed["behaviour"]), rogues.options)
         changed["options"] = {} if options is None else options.model_dump(mode="json", exclude_none=True)
-    cars = tuple(car.model_copy(update={"rogue": car.rogue and whole(car.rogue)}) for car in scenario.cars)
+    by_hand = replace(BEHAVIOUR, setting="rogue of [[scenario.cars]]")
+    cars = tuple(car.model_copy(update={"rogue": car.rogue and whole(car.rogue, by_hand)}) for car in scenario.cars)
     return scenario.model_copy(update={"rogues": rogues.model_copy(update=changed), "cars": cars})
 
 

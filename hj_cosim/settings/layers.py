@@ -33,7 +33,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     if len(content) > LARGEST_TOML:
         raise ConfigurationError(f"{path} is too large; {LARGEST_TOML / 1e6:g} MB of TOML is the most")
     try:
-        return parse_toml(content.decode("utf-8"))
+        return parse_toml(content.decode("utf-8-sig"))
     except ValueError as error:
         raise ConfigurationError(f"{path} is not TOML: {error}") from error
 

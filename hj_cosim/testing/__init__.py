@@ -8,7 +8,8 @@ In a test of one's own, for example with pytest:
     def test_keep_right():
         check_planner(KeepRight)
 
-Each raises ContractError, an AssertionError, with one sentence about the first thing that is wrong.
+Each raises ContractError, an AssertionError, with one sentence about the first thing that is wrong with what a plug-in
+does. What cannot be found, imported or made, or has no such method, is a ConfigurationError or PluginError, as in a run.
 """
 
 from hj_cosim.testing.expectations import ContractError

@@ -56,7 +56,7 @@ def test_config_toml_says_everything(scenario_with_fast_drivers):
     [
         ({"preset": "bset"}, "no preset is called 'bset'; choose one of best, paper"),
         ({"scenario": "papr"}, "no scenario is called 'papr'"),
-        ({"flags": stack_flags(duration=-1.0)}, r"the command line: simulation\.duration = -1\.0"),
+        ({"flags": stack_flags(duration=-1.0)}, r"the options: simulation\.duration = -1\.0"),
     ],
 )
 def test_wrong_name_or_flag_is_named(arguments, said):
@@ -175,3 +175,21 @@ def test_a_stream_that_no_way_leads_along_is_refused_before_the_drive():
         NetworkError, match=r"scenario.streams, number 6: .*no route leads from edge 'm0' to edge 'on_1'"
     ):
         resolve_config({**scenario, "streams": wrong})
+
+
+def test_a_misspelt_behaviour_of_one_car_is_named_where_it_stands():
+    by_hand = {"cars": [{"lane": 1, "x": 30.0, "speed": 20.0, "rogue": "tailgat"}]}
+    with pytest.raises(
+        ConfigurationError, match=r"rogue of \[\[scenario.cars\]\] = 'tailgat': no behaviour is called so"
+    ):
+        resolve_config({**scenario_data("two_lanes"), **by_hand})
+
+
+def test_a_network_alone_is_no_scenario_and_what_is_one_is_said():
+    with pytest.raises(ConfigurationError, match=r"'ring.net.xml' is a network without traffic; give a .sumocfg, or"):
+        resolve_config("ring.net.xml")
+
+
+def test_a_scenario_saved_with_a_byte_order_mark_is_read(tmp_path):
+    (tmp_path / "mine.toml").write_bytes(b'\xef\xbb\xbfdescription = "saved by an editor"\n')
+    assert resolve_config(str(tmp_path / "mine.toml")).scenario.description == "saved by an editor"

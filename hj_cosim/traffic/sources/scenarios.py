@@ -22,6 +22,11 @@ def scenario_path(name_or_path: str) -> Path:
         if not path.is_file():
             raise ConfigurationError(f"the simulation {shown(repr(str(name_or_path)))} does not exist; give a .sumocfg")
         return path.resolve()
+    if str(name_or_path).endswith((".net.xml", ".net.xml.gz")):
+        raise ConfigurationError(
+            f"{shown(repr(str(name_or_path)))} is a network without traffic; give a .sumocfg, or a scenario that"
+            " names it under [network], which hj-cosim scenarios --template begins"
+        )
     return find_toml(str(name_or_path), scenarios_folder(), "scenario")
 
 
