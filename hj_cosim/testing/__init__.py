@@ -9,7 +9,7 @@ In a test of one's own, for example with pytest:
         check_planner(KeepRight)
 
 Each raises ContractError, an AssertionError, with one sentence about the first thing that is wrong with what a plug-in
-does. What cannot be found, imported or made, or has no such method, is a ConfigurationError or PluginError, as in a run.
+does. What cannot be found, imported or made, or has not the method, is another HjCosimError, as in a run.
 """
 
 from hj_cosim.testing.expectations import ContractError
