@@ -4,7 +4,7 @@ import os
 import sys
 
 INTERRUPTED = 130  # the exit status, 128 + SIGINT, as shells have it
-MESSAGE = "interrupted; nothing half-written was left, and a study that has begun goes on with --resume"
+MESSAGE = "interrupted; nothing half-written is left; a begun study goes on with --resume"
 
 
 def leave_interrupted(*_: object, said: bool = False) -> None:
