@@ -90,7 +90,7 @@ def test_a_filter_that_believes_nothing_leaves_nothing_recorded(tmp_path):
 
 
 def coming_and_going(samples: int = 400) -> tuple[list[Observation], list[str]]:
-    """Return what is seen of 30 cars that each come, go, and come back, in no order; one is run into."""
+    """Return what is seen of 30 cars that each come, go, and come back, in no order; two are run into."""
     draw = np.random.default_rng(3)
     names, observations = [f"car{number}" for number in range(30)], []
     speed, lane = draw.uniform(20.0, 25.0, 30), draw.integers(0, 4, 30)
@@ -100,7 +100,8 @@ def coming_and_going(samples: int = 400) -> tuple[list[Observation], list[str]]:
     first = np.sort(draw.integers(0, samples // 2, 30))
     first[:5] = 0
     gone = first + draw.integers(20, samples, 30)
-    start[0], speed[0], lane[0], gone[0] = 20.0, 20.0, 1, samples  # which is run into
+    for car, ahead in ((0, 20.0), (29, 30.0)):  # which are run into, one while the other still is
+        start[car], speed[car], lane[car], gone[car] = ahead, 20.0, 1, samples
     for sample in range(samples):
         here = np.flatnonzero((sample >= first) & ((sample < gone) | (sample > gone + 40)))
         here = draw.permutation(here)
@@ -186,7 +187,7 @@ def test_every_metric_is_the_same_from_memory_and_from_the_file(both):
     assert numbers[0]["hard_brakes_imposed"] > 2
     collisions = [find_collisions(record, config.filter.rss) for record in both]
     assert collisions[0] == collisions[1]
-    assert collisions[0]
+    assert [each.car for each in collisions[0]] == [0, 29]
     for field in fields(held.threats):
         np.testing.assert_array_equal(getattr(held.threats, field.name), getattr(spilled.threats, field.name))
 
