@@ -10,7 +10,8 @@ A reference is
 What is referred to is a class with one method (the contracts of planning/, control/ and traffic/rogues/). Its
 constructor is handed what it asks for by the names of its parameters, and nothing else. A class may have settings of
 its own: a class attribute `Options`, a subclass of `hj_cosim.settings.Settings`, is filled from `planner.options`,
-`filter.options` or `scenario.rogues.options` and handed over as `options`.
+`filter.options` or `scenario.rogues.options` and handed over as `options`. Every episode makes an object anew and seeds
+the global generators of Python and NumPy; what a class or a module keeps lasts as long as the process, over episodes.
 
 What is said of one that fails is in plugin_answers.py.
 """

@@ -59,4 +59,6 @@ def test_a_dissipation_of_nothing_is_refused_for_nothing_would_move(tmp_path):
 
 
 def test_a_game_that_divides_by_zero_somewhere_is_judged_by_what_it_answers_compiled(tmp_path):
-    solved(tmp_path, BOAT.replace("- c[HALF_WIDTH]", "- c[HALF_WIDTH] + 0.0 * min(1.0 / abs(x[0, i] - 2.0), 1.0)"))
+    solved(
+        tmp_path, BOAT.replace("- c[HALF_WIDTH]", "- c[HALF_WIDTH] + 0.0 * min(1.0 / float(abs(x[0, i] - 2.0)), 1.0)")
+    )

@@ -91,5 +91,17 @@ def test_an_episode_is_not_driven_with_a_planner_that_changed_after_the_study_be
         drive_episode(job)
 
 
+def test_filters_and_behaviours_of_ones_own_have_versions_too(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "class Passing:\n    def filter(self, observation, values, desired): ...\n\n"
+        "class Nasty:\n    def act(self, scene): ...\n"
+    )
+    asked = {"stacks": [f"hjop/{file}:Passing-mi"], "episodes": 1, "out": tmp_path / "study"}
+    study.run_study("rogues", **asked, settings={"scenario.rogues.behaviour": f"{file}:Nasty"})
+    program = read_study_file(tmp_path / "study").program
+    assert {name for name in program if str(file) in name} == {f"filter {file}:Passing", f"behaviour {file}:Nasty"}
+
+
 def test_ours_have_the_programs_version_and_none_of_their_own(tmp_path):
     assert [name.split()[0] for name in begun(tmp_path / "study")] == ["hj-cosim", "libsumo", "table"]
