@@ -294,8 +294,9 @@ def solve_table(specification: TableSpecification | str, progress: Progress | No
         ConfigurationError: if the specification is wrong.
         TableError: if the solution is not finite.
     """
-    name = "the table specification"
-    if not isinstance(specification, TableSpecification):
+    if isinstance(specification, TableSpecification):
+        name = f"a table of {Path(specification.dynamics).name}"
+    else:
         name = str(find_specification(specification))
         specification = read_specification(Path(name))
     game = find_game(specification.dynamics)
