@@ -10,6 +10,8 @@ import sys
 import pandas as pd
 import pytest
 
+from hj_cosim.cli.interruption import MESSAGE
+
 
 @pytest.fixture(scope="module")
 def run_folder(small_specification, tmp_path_factory):
@@ -157,7 +159,7 @@ def test_ctrl_c_ends_in_one_sentence_and_leaves_nothing(small_specification, tmp
         while chunk := os.read(terminal, 1000):
             said += chunk
     assert process.wait(timeout=60) == 130
-    assert b"interrupted; nothing half-written was left" in said
+    assert MESSAGE.encode() in said
     assert b"Traceback" not in said
     assert list(tmp_path.iterdir()) == []
 
