@@ -25,7 +25,7 @@ from hj_cosim.cosim.recorder import Recorder
 from hj_cosim.errors import DriveEnded, SimulationError
 from hj_cosim.metrics.catalogue import require_declared
 from hj_cosim.metrics.summary import summarize, timing
-from hj_cosim.metrics.threats import collides
+from hj_cosim.metrics.threats import touching
 from hj_cosim.planning.catalogue import make_planner
 from hj_cosim.planning.contract import IDLE, Plan, Planner
 from hj_cosim.planning.guard import GuardedPlanner
@@ -202,18 +202,9 @@ def _observe(world: World) -> Observation:
 
 
 def _collided(observation: Observation, config: EpisodeConfig) -> bool:
-    return bool(
-        collides(
-            observation.robot,
-            config.robot.length,
-            config.robot.width,
-            observation.x,
-            observation.y,
-            observation.heading,
-            observation.length,
-            observation.width,
-        )
-    )
+    robot, now = config.robot, observation
+    overlap = touching(now.robot, robot.length, robot.width, now.x, now.y, now.heading, now.length, now.width)
+    return bool(overlap.any())
 
 
 def open_world(config: EpisodeConfig, table: ValueTable | None = None) -> SumoWorld | OwnWorld:

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numba import njit
 
-from hj_cosim.metrics.rectangles import rectangles_overlap
+from hj_cosim.metrics.threats import touching
 from hj_cosim.recording.record import RunRecord
 from hj_cosim.settings import RssParameters
 from hj_cosim.vehicles.rss import lateral_distance, longitudinal_distance
@@ -91,47 +90,18 @@ def _onsets(record: RunRecord) -> Iterator[tuple[int, int]]:
     """
     if not record.threats.collision.any():
         return
-    robot = record.robot
-    states = np.column_stack([robot.x, robot.y, robot.heading])
-    touching: frozenset[int] = frozenset()
+    robot, body = record.robot, (record.robot_length, record.robot_width)
+    states = np.column_stack([robot.x, robot.y, robot.heading, robot.speed])
+    before: frozenset[int] = frozenset()
     last = -1
-    for piece in record.traffic.pieces():
-        start = piece.samples.start
-        rows = np.flatnonzero(record.threats.collision[piece.samples])  # few; nobody overlaps in the others
-        cars = piece.traffic
-        tracks = (cars.present[rows], cars.x[rows], cars.y[rows], cars.heading[rows])
-        body = (record.robot_length, record.robot_width)
-        overlap = _overlaps(states[start + rows], *body, *tracks, cars.length, cars.width)
-        for sample, row in zip((start + rows).tolist(), overlap, strict=True):
-            before = touching if sample == last + 1 else frozenset()
-            touching, last = frozenset(piece.cars[row].tolist()), sample
-            yield from ((sample, car) for car in sorted(touching - before))
-
-
-# Nine parameters: plain arrays, as they are.
-@njit(cache=True)
-def _overlaps(
-    robot: np.ndarray,
-    robot_length: float,
-    robot_width: float,
-    present: np.ndarray,
-    x: np.ndarray,
-    y: np.ndarray,
-    heading: np.ndarray,
-    length: np.ndarray,
-    width: np.ndarray,
-) -> np.ndarray:
-    """Return (T, J), whether a car's body overlaps the robot's; robot (T, 3) p_x, p_y (m), θ (rad), cars (T, J)."""
-    samples, cars = x.shape
-    overlap = np.zeros((samples, cars), np.bool_)
-    for t in range(samples):
-        angle = robot[t, 2]
-        for j in range(cars):
-            dx, dy = x[t, j] - robot[t, 0], y[t, j] - robot[t, 1]
-            overlap[t, j] = present[t, j] and rectangles_overlap(
-                dx, dy, angle, robot_length, robot_width, heading[t, j], length[j], width[j]
-            )
-    return overlap
+    for samples, numbers, cars in record.traffic.pieces():
+        for row in np.flatnonzero(record.threats.collision[samples]).tolist():
+            sample, here = samples.start + row, np.flatnonzero(cars.present[row])
+            tracks = (cars.x[row, here], cars.y[row, here], cars.heading[row, here])
+            overlap = touching(states[sample], *body, *tracks, cars.length[here], cars.width[here])
+            now = frozenset(numbers[here[overlap]].tolist())
+            yield from ((sample, car) for car in sorted(now - before if sample == last + 1 else now))
+            before, last = now, sample
 
 
 def _pair(record: RunRecord, car: int, last: int) -> _Pair:

@@ -215,7 +215,7 @@ def _smallest_times_to_overlap(
 
 
 @njit(cache=True)
-def collides(
+def touching(
     robot: np.ndarray,
     robot_length: float,
     robot_width: float,
@@ -224,21 +224,22 @@ def collides(
     heading: np.ndarray,
     length: np.ndarray,
     width: np.ndarray,
-) -> bool:
-    """Return whether the robot's body overlaps any car's, at one instant.
+) -> np.ndarray:
+    """Return (J,), whether the robot's body overlaps each car's, at one instant.
 
     Args:
         robot: (4,) p_x, p_y (m), θ (rad), v.
         robot_length, robot_width: m.
         x, y, heading, length, width: (J,) of the cars that are present; m, rad.
     """
+    overlap = np.zeros(len(x), np.bool_)
     for j in range(len(x)):
         dx, dy = x[j] - robot[0], y[j] - robot[1]
-        if abs(dx) > 0.5 * (robot_length + robot_width + length[j] + width[j]):
-            continue
-        if rectangles_overlap(dx, dy, robot[2], robot_length, robot_width, heading[j], length[j], width[j]):
-            return True
-    return False
+        if abs(dx) <= 0.5 * (robot_length + robot_width + length[j] + width[j]):
+            overlap[j] = rectangles_overlap(
+                dx, dy, robot[2], robot_length, robot_width, heading[j], length[j], width[j]
+            )
+    return overlap
 
 
 def threat_track(

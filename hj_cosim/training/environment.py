@@ -14,7 +14,7 @@ from hj_cosim.cosim.configuration import resolve_config, stack_flags
 from hj_cosim.cosim.episode import open_world
 from hj_cosim.cosim.motion import in_existing_lane, moved, yaw_rate
 from hj_cosim.errors import ConfigurationError, DriveEnded
-from hj_cosim.metrics.threats import collides
+from hj_cosim.metrics.threats import touching
 from hj_cosim.planning.contract import ACTION_COUNT, FASTER, LEFT, RIGHT, SLOWER
 from hj_cosim.planning.optimistic.reward import reward_model, total_reward
 from hj_cosim.reachability.table.cars import car_values
@@ -216,4 +216,5 @@ class HighwayEnv(gymnasium.Env[np.ndarray, Any]):
 
     def _collides(self) -> bool:
         now, robot = self._now, self.config.robot
-        return bool(collides(now.robot, robot.length, robot.width, now.x, now.y, now.heading, now.length, now.width))
+        overlap = touching(now.robot, robot.length, robot.width, now.x, now.y, now.heading, now.length, now.width)
+        return bool(overlap.any())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hj_cosim.metrics.rectangles import time_to_overlap
-from hj_cosim.metrics.threats import collides, threat_track
+from hj_cosim.metrics.threats import threat_track, touching
 from hj_cosim.recording.record import RobotTrack, TrafficTrack
 
 CASES = json.loads((Path(__file__).parent / "fixtures" / "threat_metrics.json").read_text())["cases"]
@@ -97,9 +97,8 @@ def test_collision_at_an_instant_equals_the_track(make_record):
         here = traffic.present[t]
         state = np.array([robot.x[t], robot.y[t], robot.heading[t], robot.speed[t]])
         cars = (array[t][here] for array in (traffic.x, traffic.y, traffic.heading))
-        assert record.threats.collision[t] == collides(
-            state, 5.0, 2.0, *cars, traffic.length[here], traffic.width[here]
-        )
+        overlap = touching(state, 5.0, 2.0, *cars, traffic.length[here], traffic.width[here])
+        assert record.threats.collision[t] == overlap.any()
     assert 0 < np.count_nonzero(record.threats.collision) < len(record.time)
     assert np.all(record.threats.min_gap[record.threats.collision] == 0.0)
 
